@@ -1,0 +1,221 @@
+"""A record: time and measured columns in SI units, with their provenance."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+import hashlib
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from motor_sysid.errors import UserError
+
+Array = NDArray[np.float64]
+
+UNIFORM_JITTER = 0.02
+"""Largest deviation of a step from the median step, relative, that still counts as uniform."""
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """Where a record came from.
+
+    Attributes
+    ----------
+    source:
+        File, bag or topic names, as given by the user.
+    notes:
+        What was done to the data on the way in (scaling, resampling, dropped rows), in order.
+    """
+
+    source: str = ''
+    notes: tuple[str, ...] = ()
+
+    def noting(self, note: str) -> 'Provenance':
+        """Return a copy with one more note."""
+        return replace(self, notes=(*self.notes, note))
+
+
+@dataclass(frozen=True)
+class Record:
+    """Signals of one motor over one uninterrupted stretch of time.
+
+    Attributes
+    ----------
+    time:
+        (N,) s, finite and strictly increasing.
+    signals:
+        Canonical signal name to (N,) values in SI units.  Measured signals of row k are taken at
+        ``time[k]``; an input of row k acts from ``time[k]`` to ``time[k + 1]`` (zero-order hold).
+    units:
+        Signal name to its SI unit; a linear axis has m, m/s and N where a motor has rad, rad/s
+        and N m.
+    provenance:
+        Where the record came from.
+
+    Raises
+    ------
+    UserError
+        If lengths differ, a unit is missing, or time does not strictly increase.
+    """
+
+    time: Array
+    signals: Mapping[str, Array]
+    units: Mapping[str, str]
+    provenance: Provenance = field(default_factory=Provenance)
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays and refuse what is not a record."""
+        object.__setattr__(self, 'time', _frozen(self.time))
+        object.__setattr__(
+            self, 'signals', {name: _frozen(values) for name, values in self.signals.items()}
+        )
+        if len(self.time) < 2:
+            raise UserError(f'a record needs at least 2 samples, got {len(self.time)}')
+        for name, values in self.signals.items():
+            if values.shape != self.time.shape:
+                raise UserError(f'`{name}` has {values.size} samples, time has {self.time.size}')
+            if name not in self.units:
+                raise UserError(f'`{name}` has no unit; give one SI unit per signal')
+        steps = np.diff(self.time)
+        if not np.all(steps > 0):
+            k = int(np.argmin(steps > 0))
+            raise UserError(
+                f'time must strictly increase: {self.time[k]:.9g} s is followed by '
+                f'{self.time[k + 1]:.9g} s at sample {k + 1}; sort or split the record'
+            )
+
+    def __len__(self) -> int:
+        """Return the number of samples."""
+        return int(self.time.size)
+
+    def __contains__(self, name: object) -> bool:
+        """Tell whether the record has that signal."""
+        return name in self.signals
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the signal names."""
+        return iter(self.signals)
+
+    def __getitem__(self, name: str) -> Array:
+        """Return the (N,) values of a signal."""
+        try:
+            return self.signals[name]
+        except KeyError:
+            raise UserError(
+                f'the record has no signal `{name}`; it has {", ".join(self.signals) or "none"}'
+            ) from None
+
+    @property
+    def dt(self) -> float:
+        """Median sample time in s."""
+        return float(np.median(np.diff(self.time)))
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample in s."""
+        return float(self.time[-1] - self.time[0])
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether every step is within 2 % of the median step."""
+        return bool(np.all(np.abs(np.diff(self.time) - self.dt) <= UNIFORM_JITTER * self.dt))
+
+    def slice(self, start: int, stop: int) -> 'Record':
+        """Return rows start to stop (exclusive)."""
+        return replace(
+            self,
+            time=self.time[start:stop],
+            signals={name: values[start:stop] for name, values in self.signals.items()},
+        )
+
+    def between(self, start: float, stop: float) -> 'Record':
+        """Return the samples with ``start <= time < stop`` (s)."""
+        first, last = np.searchsorted(self.time, [start, stop])
+        return self.slice(int(first), int(last))
+
+    def select(self, names: Iterable[str]) -> 'Record':
+        """Return a record with only the named signals."""
+        kept = tuple(names)
+        return replace(
+            self,
+            signals={name: self[name] for name in kept},
+            units={name: self.units[name] for name in kept},
+        )
+
+    def with_signal(self, name: str, values: ArrayLike, unit: str) -> 'Record':
+        """Return a record with one signal more (or replaced)."""
+        return replace(
+            self,
+            signals={**self.signals, name: np.asarray(values, dtype=np.float64)},
+            units={**self.units, name: unit},
+        )
+
+    def uniform(self, dt: float | None = None) -> 'Record':
+        """Return the record on a uniform grid of step `dt` (s; default: the median step).
+
+        Measured signals are interpolated linearly; inputs keep their mean over each new step, so
+        that a zero-order hold stays one.  A record that is uniform already is returned as it is.
+        """
+        step = self.dt if dt is None else dt
+        if self.is_uniform and abs(step - self.dt) <= UNIFORM_JITTER * step:
+            return self
+        count = int(np.floor(self.duration / step * (1 + 1e-9))) + 1
+        grid = self.time[0] + step * np.arange(count)
+        signals = {
+            name: _held_mean(self.time, values, grid, step)
+            if name in HELD
+            else np.interp(grid, self.time, values)
+            for name, values in self.signals.items()
+        }
+        return replace(
+            self,
+            time=grid,
+            signals=signals,
+            provenance=self.provenance.noting(f'resampled to {step:.6g} s'),
+        )
+
+    def segments(self, max_gap: float) -> 'list[Record]':
+        """Split where two samples are more than `max_gap` s apart; stubs under 2 samples go."""
+        cuts = np.flatnonzero(np.diff(self.time) > max_gap) + 1
+        edges = [0, *cuts.tolist(), len(self)]
+        return [
+            self.slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a >= 2
+        ]
+
+    def split(self, validation_fraction: float = 0.2) -> 'tuple[Record, Record]':
+        """Return the first part for training and the last `validation_fraction` to validate."""
+        if not 0 < validation_fraction < 1:
+            raise UserError(f'validation fraction {validation_fraction} is not between 0 and 1')
+        cut = round(len(self) * (1 - validation_fraction))
+        return self.slice(0, cut), self.slice(cut, len(self))
+
+    def digest(self) -> str:
+        """Return the SHA-256 of the content (time, names, units, values), hexadecimal."""
+        sha = hashlib.sha256(self.time.tobytes())
+        for name in sorted(self.signals):
+            sha.update(f'{name} [{self.units[name]}]'.encode())
+            sha.update(self.signals[name].tobytes())
+        return sha.hexdigest()
+
+
+HELD = frozenset(
+    {'voltage', 'duty', 'voltage_command', 'torque', 'force', 'voltage_a', 'voltage_b',
+     'voltage_c', 'voltage_d', 'voltage_q', 'speed_reference', 'position_reference'}
+)  # fmt: skip
+"""Signals that are held from one sample to the next: the inputs and references."""
+
+
+def _frozen(values: ArrayLike) -> Array:
+    array: Array = np.ascontiguousarray(values, dtype=np.float64)
+    if array.flags.writeable:
+        array = array.copy()
+        array.flags.writeable = False
+    return array
+
+
+def _held_mean(time: Array, values: Array, grid: Array, step: float) -> Array:
+    """Mean over ``[grid, grid + step)`` of `values` held from each time to the next."""
+    edges = np.append(time, time[-1] + step)
+    area = np.concatenate(([0.0], np.cumsum(values * np.diff(edges))))
+    mean: Array = (np.interp(grid + step, edges, area) - np.interp(grid, edges, area)) / step
+    return mean
