@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.signals.channels import CHANNELS, Role, role_of
 
 Array = NDArray[np.float64]
 
@@ -154,18 +155,17 @@ class Record:
         """Return the record on a uniform grid of step `dt` (s; default: the median step).
 
         Measured signals are interpolated linearly; inputs keep their mean over each new step, so
-        that a zero-order hold stays one.  A record that is uniform already is returned as it is.
+        that a zero-order hold stays one; references and codes are held.  A record that is uniform
+        already is returned as it is.
         """
         step = self.dt if dt is None else dt
         if self.is_uniform and abs(step - self.dt) <= UNIFORM_JITTER * step:
             return self
         count = int(np.floor(self.duration / step * (1 + 1e-9))) + 1
         grid = self.time[0] + step * np.arange(count)
+        edges = np.append(grid, grid[-1] + step)
         signals = {
-            name: _held_mean(self.time, values, grid, step)
-            if name in HELD
-            else np.interp(grid, self.time, values)
-            for name, values in self.signals.items()
+            name: resample(name, self.time, values, edges) for name, values in self.signals.items()
         }
         return replace(
             self,
@@ -198,11 +198,8 @@ class Record:
         return sha.hexdigest()
 
 
-HELD = frozenset(
-    {'voltage', 'duty', 'voltage_command', 'torque', 'force', 'voltage_a', 'voltage_b',
-     'voltage_c', 'voltage_d', 'voltage_q', 'speed_reference', 'position_reference'}
-)  # fmt: skip
-"""Signals that are held from one sample to the next: the inputs and references."""
+HELD = frozenset(channel.name for channel in CHANNELS if channel.role is not Role.MEASURED)
+"""Signals that are held from one sample to the next: the inputs, references and codes."""
 
 
 def _frozen(values: ArrayLike) -> Array:
@@ -213,9 +210,37 @@ def _frozen(values: ArrayLike) -> Array:
     return array
 
 
-def _held_mean(time: Array, values: Array, grid: Array, step: float) -> Array:
-    """Mean over ``[grid, grid + step)`` of `values` held from each time to the next."""
-    edges = np.append(time, time[-1] + step)
-    area = np.concatenate(([0.0], np.cumsum(values * np.diff(edges))))
-    mean: Array = (np.interp(grid + step, edges, area) - np.interp(grid, edges, area)) / step
-    return mean
+def resample(name: str, time: Array, values: Array, edges: Array) -> Array:
+    """Carry a signal to the rows that start at ``edges[:-1]`` and end at ``edges[1:]``.
+
+    Parameters
+    ----------
+    name:
+        Its canonical name, which decides its role: measured signals are interpolated linearly,
+        references and codes held, and inputs averaged over each row as a zero-order hold; a row
+        within which the input does not change gets that value exactly.
+    time, values:
+        (N,) s and (N,) any unit; before the first and after the last time the end value is held.
+    edges:
+        (M + 1,) s, increasing.
+
+    Returns
+    -------
+    Array
+        (M,) values.
+    """
+    if role_of(name) is Role.MEASURED:
+        return np.asarray(np.interp(edges[:-1], time, values), dtype=np.float64)
+    first = np.clip(np.searchsorted(time, edges[:-1], side='right') - 1, 0, None)
+    if role_of(name) is Role.STEPPED:
+        return np.asarray(values[first], dtype=np.float64)
+    last = np.clip(np.searchsorted(time, edges[1:], side='left') - 1, first, None)
+    return np.where(first == last, values[first], _held_mean(time, values, edges))
+
+
+def _held_mean(time: Array, values: Array, edges: Array) -> Array:
+    """Mean between successive `edges` of `values` held from each time to the next."""
+    area = np.concatenate(([0.0], np.cumsum(values[:-1] * np.diff(time))))
+    index = np.clip(np.searchsorted(time, edges, side='right') - 1, 0, None)
+    total = area[index] + values[index] * (edges - time[index])
+    return np.asarray(np.diff(total) / np.diff(edges), dtype=np.float64)
