@@ -1,0 +1,111 @@
+"""Join the messages of several topics on equal stamps, whatever the order of their arrival."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+Values = tuple[float, ...]
+Row = tuple[int, Values]
+"""Stamp in ns and the values of all topics, in the order of the topics."""
+
+RESTART = 1_000_000_000
+"""A stamp that falls back by more than this (ns) means that the source started anew."""
+
+
+@dataclass
+class JoinCounts:
+    """What became of the messages.
+
+    Attributes
+    ----------
+    joined:
+        Samples that were complete.
+    incomplete:
+        Messages dropped because a partner with the same stamp never came.
+    out_of_order:
+        Messages dropped because their stamp was not after the one before on the same topic.
+    overflow:
+        Messages dropped because another topic was silent for too long.
+    restarts:
+        How often the stamps jumped back.
+    """
+
+    joined: int = 0
+    incomplete: int = 0
+    out_of_order: int = 0
+    overflow: int = 0
+    restarts: int = 0
+
+    @property
+    def dropped(self) -> int:
+        """Messages that did not become part of a sample."""
+        return self.incomplete + self.out_of_order + self.overflow
+
+
+class StampJoin:
+    """Merges ordered topics.
+
+    Every topic is in order by itself, so a message whose stamp is older than the first waiting
+    message of another topic can have no partner there any more and is dropped at once.  The result
+    depends on the messages alone, not on how their arrivals interleave: a replay joins the same
+    samples as the live node did.  Only a topic that falls silent makes the others wait, at most
+    for `limit` messages.
+
+    Parameters
+    ----------
+    topics:
+        How many there are.
+    limit:
+        Most messages that wait on one topic.
+    """
+
+    def __init__(self, topics: int, limit: int = 4096) -> None:
+        self.counts = JoinCounts()
+        self._waiting: tuple[deque[Row], ...] = tuple(deque() for _ in range(topics))
+        self._last = [-(2**63)] * topics
+        self._limit = limit
+
+    def push(self, topic: int, stamp: int, values: Values) -> None:
+        """Take one message: its stamp in ns and its values."""
+        if stamp <= self._last[topic]:
+            if stamp > self._last[topic] - RESTART:
+                self.counts.out_of_order += 1
+                return
+            self._restart()
+        self._last[topic] = stamp
+        queue = self._waiting[topic]
+        if len(queue) >= self._limit:
+            queue.popleft()
+            self.counts.overflow += 1
+        queue.append((stamp, values))
+
+    def pop(self) -> list[Row]:
+        """Return the samples that are complete, in order."""
+        rows: list[Row] = []
+        waiting = self._waiting
+        while all(waiting):
+            stamps = [queue[0][0] for queue in waiting]
+            newest = max(stamps)
+            if min(stamps) == newest:
+                rows.append((newest, _flat([queue.popleft()[1] for queue in waiting])))
+            else:
+                self._drop_before(newest)
+        self.counts.joined += len(rows)
+        return rows
+
+    def _drop_before(self, stamp: int) -> None:
+        for queue in self._waiting:
+            while queue and queue[0][0] < stamp:
+                queue.popleft()
+                self.counts.incomplete += 1
+
+    def _restart(self) -> None:
+        self.counts.restarts += 1
+        for k, queue in enumerate(self._waiting):
+            self.counts.incomplete += len(queue)
+            queue.clear()
+            self._last[k] = -(2**63)
+
+
+def _flat(parts: Sequence[Values]) -> Values:
+    return tuple(value for part in parts for value in part)
