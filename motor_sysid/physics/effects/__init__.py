@@ -1,0 +1,80 @@
+"""The catalogue of effects.  To add one: write its file and add its name to `_FILES`.
+
+A user's own effects come from `add_effect_file` or from packages that declare an entry point in
+the group ``motor_sysid.effects`` (its name is the key, its object the module).
+"""
+
+from functools import cache
+from importlib import import_module
+from importlib.metadata import entry_points
+import importlib.util
+from pathlib import Path
+import sys
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effect import Effect, load_effect
+
+_FILES = (
+    'coulomb_friction',
+    'asymmetric_coulomb_friction',
+    'stribeck_friction',
+    'quadratic_drag',
+    'constant_load_torque',
+    'gravity_load',
+    'cogging_torque',
+    'input_delay',
+    'brush_voltage_drop',
+    'armature_heating',
+)
+
+_GROUP = 'motor_sysid.effects'
+
+
+@cache
+def catalogue() -> dict[str, Effect]:
+    """Return every known effect by key: built-in ones, then those of installed packages."""
+    found = {name: load_effect(name, import_module(f'{__name__}.{name}')) for name in _FILES}
+    for entry in entry_points(group=_GROUP):
+        found[entry.name] = load_effect(entry.name, entry.load())
+    return found
+
+
+def effect(key: str) -> Effect:
+    """Return an effect.
+
+    Raises
+    ------
+    UserError
+        If there is none of that key.
+    """
+    try:
+        return catalogue()[key]
+    except KeyError:
+        raise UserError(
+            f'unknown effect `{key}`; known are {", ".join(catalogue())}'
+        ) from None
+
+
+def add_effect_file(path: Path) -> Effect:
+    """Load a user's effect file and add it to the catalogue; its key is the file's stem.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read or is no effect.
+    """
+    if not path.is_file():
+        raise UserError(f'no effect file {path}')
+    name = f'motor_sysid_user_effect_{path.stem}'
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise UserError(f'effect file {path} is not a Python file')
+    module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module
+    try:
+        spec.loader.exec_module(module)
+    except (SyntaxError, ImportError, NameError) as problem:
+        raise UserError(f'effect file {path} cannot be read: {problem}') from problem
+    added = load_effect(path.stem, module)
+    catalogue()[path.stem] = added
+    return added

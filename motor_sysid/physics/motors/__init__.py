@@ -1,0 +1,30 @@
+"""The motor kinds.  To add one: write its file and add its name to `_FILES`."""
+
+from functools import cache
+from importlib import import_module
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.motors.base import Motor
+
+_FILES = ('brushed_dc', 'brushed_dc_reduced', 'mechanical_axis')
+
+
+@cache
+def motors() -> dict[str, Motor]:
+    """Return every motor kind by its key."""
+    found = (import_module(f'{__name__}.{name}').MOTOR for name in _FILES)
+    return {motor.key: motor for motor in found}
+
+
+def motor(key: str) -> Motor:
+    """Return a motor kind.
+
+    Raises
+    ------
+    UserError
+        If there is none of that key.
+    """
+    try:
+        return motors()[key]
+    except KeyError:
+        raise UserError(f'unknown motor `{key}`; known are {", ".join(motors())}') from None

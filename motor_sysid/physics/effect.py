@@ -1,0 +1,201 @@
+"""What an effect is: a card that describes it and one or two laws, all in one small file.
+
+An effect file defines ``CARD`` and at least one law.  A law is a function of one sample; its
+argument names say what it needs, and nothing else has to be declared:
+
+* states and inputs of the motor: ``i, omega, theta, u, t`` (and ``i_d, i_q, u_d, u_q, ...``),
+* parameters of the motor: ``R, L, k_t, J, b, ...``, and the widths ``omega_eps, i_eps``,
+* the effect's own parameters and own states.
+
+``torque(...)`` is added to the torque balance and ``voltage(...)`` to the voltage balance;
+``rate(...)`` gives the time derivative of the effect's own state.  A card with ``delay`` set names
+the parameter that delays the input.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import Enum
+import inspect
+from types import ModuleType
+
+from motor_sysid.errors import UserError
+
+ARGUMENTS = (
+    'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
+    'u_b', 'u_c',
+)  # fmt: skip
+"""Every state and input that a law may ask for, in the order of the kernel's rows."""
+
+FORCES = ('torque', 'voltage', 'voltage_d', 'voltage_q', 'voltage_a', 'voltage_b', 'voltage_c')
+"""Every equation that a law may be added to: these are the names of the law functions."""
+
+Law = Callable[..., float]
+
+
+class Enters(Enum):
+    """Where an effect enters, as the diagnosis reports it."""
+
+    MECHANICAL = 'mechanical'
+    ELECTRICAL = 'electrical'
+    INPUT = 'input'
+    SENSOR = 'sensor'
+
+
+class Scale(Enum):
+    """What the size of a parameter is measured by; see `motor_sysid.physics.scales`."""
+
+    ONE = 'one'
+    TORQUE = 'torque'
+    DRAG = 'torque / speed^2'
+    SPEED = 'speed'
+    CURRENT = 'current'
+    VOLTAGE = 'voltage'
+    SAMPLE = 'sample time'
+    DURATION = 'duration'
+    HEATING = 'duration / loss energy'
+
+
+@dataclass(frozen=True)
+class Amplitude:
+    """A parameter that switches its effect off at zero, and in which the law is linear.
+
+    Attributes
+    ----------
+    name, unit, description:
+        Symbol, SI unit for a rotary motor, one sentence.
+    scale:
+        What its size is measured by.
+    limit:
+        Largest sensible absolute value, in units of the scale.
+    positive:
+        Whether physics forbids negative values.
+    """
+
+    name: str
+    unit: str
+    description: str
+    scale: Scale
+    limit: float = 10.0
+    positive: bool = False
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A parameter that shapes the law and has no neutral value.
+
+    Attributes
+    ----------
+    name, unit, description:
+        Symbol, SI unit for a rotary motor, one sentence.
+    scale:
+        What its size is measured by.
+    starts:
+        Values to start from, in units of the scale; empty where the data propose them.
+    lower, upper:
+        Box in units of the scale.
+    free:
+        Whether a fit may change it; an order (waves per turn) is chosen, not fitted.
+    """
+
+    name: str
+    unit: str
+    description: str
+    scale: Scale
+    starts: tuple[float, ...]
+    lower: float
+    upper: float
+    free: bool = True
+
+
+@dataclass(frozen=True)
+class Card:
+    """What people read about an effect, and what the diagnosis needs to know of it.
+
+    Attributes
+    ----------
+    title, equation, symptom, reference:
+        Name, law as text, what one sees in the data when it is missing, and the source.
+    enters:
+        Which part of the model it belongs to.
+    amplitudes, shapes:
+        Its parameters.
+    axis:
+        What its evidence is plotted against: speed, position, current or time.
+    states:
+        Names of its own states, zero at the start of a record.
+    delay:
+        Name of the parameter that delays the input, if the effect is one.
+    generalises:
+        Effects that are special cases of this one; it takes their place.
+    orders:
+        Name of the shape that counts waves per turn, if the data are to be searched for it.
+    """
+
+    title: str
+    equation: str
+    symptom: str
+    reference: str
+    enters: Enters
+    amplitudes: tuple[Amplitude, ...]
+    shapes: tuple[Shape, ...] = ()
+    axis: str = 'speed'
+    states: tuple[str, ...] = ()
+    delay: str = ''
+    generalises: tuple[str, ...] = ()
+    orders: str = ''
+
+    @property
+    def parameters(self) -> tuple[Amplitude | Shape, ...]:
+        """Amplitudes, then shapes."""
+        return (*self.amplitudes, *self.shapes)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """A loaded effect: key, card, laws, and the source text that they are compiled from.
+
+    Attributes
+    ----------
+    laws:
+        Name of the equation to its law.
+    rates:
+        Own state to its rate law.
+    """
+
+    key: str
+    card: Card
+    laws: dict[str, Law]
+    rates: dict[str, Law]
+    source: str
+
+    def needs(self) -> set[str]:
+        """Return the states, inputs and motor parameters that the laws ask for."""
+        own = {p.name for p in self.card.parameters} | set(self.card.states)
+        asked: set[str] = set()
+        for law in (*self.laws.values(), *self.rates.values()):
+            asked |= set(inspect.signature(law).parameters)
+        return asked - own
+
+
+def load_effect(key: str, module: ModuleType) -> Effect:
+    """Read an effect from its module.
+
+    Raises
+    ------
+    UserError
+        If the module has no ``CARD`` or no law, or if an own state has no rate.
+    """
+    card = getattr(module, 'CARD', None)
+    where = getattr(module, '__file__', key)
+    if not isinstance(card, Card):
+        raise UserError(f'effect file {where} defines no CARD; see docs/effects.md')
+    laws = {name: getattr(module, name) for name in FORCES if hasattr(module, name)}
+    if not laws and not card.delay:
+        raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')
+    rates: dict[str, Law] = {}
+    for state in card.states:
+        rate = getattr(module, f'rate_{state}', getattr(module, 'rate', None))
+        if rate is None:
+            raise UserError(f'effect file {where}: state `{state}` has no rate_{state}(...)')
+        rates[state] = rate
+    return Effect(key, card, laws, rates, inspect.getsource(module))

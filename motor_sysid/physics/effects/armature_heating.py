@@ -1,0 +1,31 @@
+"""The winding warms by its own losses and its resistance rises with it."""
+
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
+
+CARD = Card(
+    title='armature heating',
+    equation='v = -R h q i,  dq/dt = R i^2 - q / t_th  (q: stored loss energy)',
+    symptom='The current at a given voltage and speed falls with time, faster after heavy load.',
+    reference='Krishnan, Electric Motor Drives, 2001, section 2.10',
+    enters=Enters.ELECTRICAL,
+    amplitudes=(
+        Amplitude('h', '1/J', 'rise of resistance per stored energy', Scale.HEATING, positive=True),
+    ),
+    shapes=(
+        Shape(
+            't_th', 's', 'thermal time constant', Scale.DURATION, (0.5, 0.1, 3.0), 0.01, 100.0,
+        ),
+    ),
+    axis='time',
+    states=('q',),
+)  # fmt: skip
+
+
+def voltage(i: float, R: float, q: float, h: float) -> float:
+    """Voltage in V."""
+    return -R * h * q * i
+
+
+def rate(i: float, R: float, q: float, t_th: float) -> float:
+    """Rate of the stored energy in W."""
+    return R * i * i - q / t_th

@@ -1,0 +1,31 @@
+"""Cogging: magnets that prefer the slots, several waves per turn."""
+
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
+from motor_sysid.physics.laws import cos, sin
+
+CARD = Card(
+    title='cogging torque',
+    equation='tau = sum over h = 1, 2 of a_h cos(h n theta) + b_h sin(h n theta)',
+    symptom='The unexplained torque is a wave over one turn with several periods; '
+    'slow motion is uneven.',
+    reference='Zhu and Howe, IEEE Trans. Energy Convers. 15 (2000), doi:10.1109/60.900501',
+    enters=Enters.MECHANICAL,
+    amplitudes=(
+        Amplitude('a_1', 'N m', 'cosine of the fundamental', Scale.TORQUE),
+        Amplitude('b_1', 'N m', 'sine of the fundamental', Scale.TORQUE),
+        Amplitude('a_2', 'N m', 'cosine of the second harmonic', Scale.TORQUE),
+        Amplitude('b_2', 'N m', 'sine of the second harmonic', Scale.TORQUE),
+    ),
+    shapes=(
+        Shape('n', '1/rev', 'waves per turn', Scale.ONE, (), 2.0, 400.0, free=False),
+    ),
+    axis='position',
+    orders='n',
+)
+
+
+def torque(theta: float, a_1: float, b_1: float, a_2: float, b_2: float, n: float) -> float:
+    """Torque in N m."""
+    angle = n * theta
+    c, s = cos(angle), sin(angle)
+    return a_1 * c + b_1 * s + a_2 * (1.0 - 2.0 * s * s) + b_2 * 2.0 * s * c

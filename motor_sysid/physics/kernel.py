@@ -1,0 +1,264 @@
+"""The time loop: exact linear core, secant-implicit second-order exponential steps for effects.
+
+One sample of length ``h`` under a held input ``u`` advances
+
+    dx/dt = A x + B u + G f(x, u, z)
+
+by ``a = E x + h phi1(Ah) (B u + G f0)`` and ``x' = a + h phi2(Ah) G (f1 - f0 + S d)``, where
+``E = exp(Ah)``, ``f0 = f(x)``, ``f1 = f(a)``, and ``S d`` makes the step implicit in the one
+state that each equation is stiff in (speed for torque, current for voltage): ``S`` is the secant of
+those laws between ``x`` and ``a`` with every other argument held, and ``d`` the change of that
+state beyond ``a``.  The linear motor is exact for any time constant.
+(Cox and Matthews 2002, doi:10.1006/jcph.2002.6995, for exponential time differencing.)
+
+The kernel works on blocks of 32 parameter vectors; the last axis of every array is the lane.
+"""
+
+from numba import njit
+import numpy as np
+
+from motor_sysid.physics.native import call_lane, LANES
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def run_block(  # type: ignore[no-untyped-def]
+    step, phi1_input, phi1_force, phi2_force, substeps, h, t0,
+    inputs, delay, position, buffer, base, x,
+    state_rows, input_rows, force_rows, own_state, time_row,
+    lane_address, lane_own, lane_state, stiff_count, stiff_force,
+    rate_address, rate_own, rate_state, memory_offset, memory_rate,
+    output_state, output_rate, output_bias, outputs,
+):  # fmt: skip
+    """Simulate one block and write its outputs.
+
+    Parameters
+    ----------
+    step, phi1_input, phi1_force, phi2_force:
+        (n, n, W), (n, n_u, W), (n, m, W), (n, m, W) matrices of one substep.
+    substeps, h, t0:
+        Substeps per sample, length of a substep in s, time of the first sample in s.
+    inputs:
+        (N, n_u) held inputs.
+    delay:
+        (W,) input delay in samples, or empty.
+    position:
+        (N,) measured position for laws that depend on it, or empty.
+    buffer, base:
+        Flat work memory and its address; rows are described in `motor_sysid.physics.lanes`.
+    x:
+        (n, W) core state, advanced in place.
+    outputs:
+        (N, n_y, W) model outputs at the sample times.
+    """
+    n, m, n_u = step.shape[0], phi1_force.shape[1], inputs.shape[1]
+    count = inputs.shape[0]
+    n_lanes = lane_address.shape[0]
+    n_memory = memory_offset.shape[0]
+    predicted = np.empty((n, LANES))
+    before = np.zeros((m, LANES))
+    stiff = np.zeros((m, LANES))
+    change = np.empty((m, LANES))
+    previous = x.copy()
+    old_memory = np.empty((n_memory + 1, LANES))
+    old_rate = np.empty((n_memory + 1, LANES))
+    u = np.empty((n_u, LANES))
+    follows = position.shape[0] > 0
+    position_row = -1
+    for j in range(n):
+        if state_rows[j] == 2:
+            position_row = j
+
+    for sample in range(count):
+        for y in range(outputs.shape[1]):
+            j = output_state[y]
+            bias = output_bias[y] * LANES
+            if output_rate[y]:
+                scale = 1.0 / (h * substeps)
+                for k in range(LANES):
+                    outputs[sample, y, k] = (x[j, k] - previous[j, k]) * scale + buffer[bias + k]
+            else:
+                for k in range(LANES):
+                    outputs[sample, y, k] = x[j, k] + buffer[bias + k]
+        for j in range(n):
+            for k in range(LANES):
+                previous[j, k] = x[j, k]
+
+        for part in range(substeps):
+            hold_input(u, inputs, delay, sample, part, substeps)
+            for j in range(n_u):
+                row = input_rows[j] * LANES
+                for k in range(LANES):
+                    buffer[row + k] = u[j, k]
+            now = t0 + (sample * substeps + part) * h
+            for k in range(LANES):
+                buffer[time_row * LANES + k] = now
+            here, there = 0.0, 0.0
+            if follows:
+                after = min(sample + 1, count - 1)
+                slope = (position[after] - position[sample]) / substeps
+                here = position[sample] + part * slope
+                there = here + slope
+
+            # stage 0: every law at the state
+            load_state(buffer, x, state_rows, position_row, follows, here)
+            clear(buffer, force_rows)
+            for i in range(stiff_count):
+                call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+            for j in range(m):
+                row = force_rows[j] * LANES
+                for k in range(LANES):
+                    stiff[j, k] = buffer[row + k]
+            for i in range(stiff_count, n_lanes):
+                call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+            for j in range(m):
+                row = force_rows[j] * LANES
+                for k in range(LANES):
+                    before[j, k] = buffer[row + k]
+            evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
+            for s in range(n_memory):
+                offset = memory_offset[s]
+                for k in range(LANES):
+                    old_memory[s, k] = buffer[offset + k]
+                    old_rate[s, k] = buffer[memory_rate[s] + k]
+                    buffer[offset + k] += h * old_rate[s, k]
+
+            # predictor
+            for j in range(n):
+                for k in range(LANES):
+                    predicted[j, k] = 0.0
+                for i in range(n):
+                    for k in range(LANES):
+                        predicted[j, k] += step[j, i, k] * x[i, k]
+                for i in range(n_u):
+                    for k in range(LANES):
+                        predicted[j, k] += phi1_input[j, i, k] * u[i, k]
+                if n_lanes > 0:
+                    for i in range(m):
+                        for k in range(LANES):
+                            predicted[j, k] += phi1_force[j, i, k] * before[i, k]
+            if n_lanes == 0 and n_memory == 0:
+                for j in range(n):
+                    for k in range(LANES):
+                        x[j, k] = predicted[j, k]
+                continue
+
+            # stage 2: stiff laws with only their own state moved
+            if stiff_count > 0:
+                load_state(buffer, x, state_rows, position_row, follows, here)
+                clear(buffer, force_rows)
+                for s in range(n_memory):
+                    offset = memory_offset[s]
+                    for k in range(LANES):
+                        buffer[offset + k] = old_memory[s, k]
+                for j in range(m):
+                    own = own_state[j]
+                    row = state_rows[own] * LANES
+                    for k in range(LANES):
+                        buffer[row + k] = predicted[own, k]
+                    for i in range(stiff_count):
+                        if stiff_force[i] == j:
+                            call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+                    for k in range(LANES):
+                        buffer[row + k] = x[own, k]
+                for j in range(m):
+                    own = own_state[j]
+                    row = force_rows[j] * LANES
+                    for k in range(LANES):
+                        moved = predicted[own, k] - x[own, k]
+                        secant = (buffer[row + k] - stiff[j, k]) * moved / (moved * moved + 1e-30)
+                        stiff[j, k] = min(secant, 0.0)
+                for s in range(n_memory):
+                    offset = memory_offset[s]
+                    for k in range(LANES):
+                        buffer[offset + k] = old_memory[s, k] + h * old_rate[s, k]
+
+            # stage 1: every law at the predicted state
+            load_state(buffer, predicted, state_rows, position_row, follows, there)
+            clear(buffer, force_rows)
+            for i in range(n_lanes):
+                call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+            evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
+            for s in range(n_memory):
+                offset = memory_offset[s]
+                for k in range(LANES):
+                    rate = buffer[memory_rate[s] + k]
+                    buffer[offset + k] = old_memory[s, k] + 0.5 * h * (old_rate[s, k] + rate)
+
+            # corrector
+            for j in range(m):
+                row = force_rows[j] * LANES
+                for k in range(LANES):
+                    before[j, k] = buffer[row + k] - before[j, k]
+            for j in range(m):
+                own = own_state[j]
+                for k in range(LANES):
+                    change[j, k] = 0.0
+                for i in range(m):
+                    for k in range(LANES):
+                        change[j, k] += phi2_force[own, i, k] * before[i, k]
+            if stiff_count > 0:
+                for j in range(m):
+                    own = own_state[j]
+                    for k in range(LANES):
+                        damped = 1.0 - phi2_force[own, j, k] * stiff[j, k]
+                        before[j, k] += stiff[j, k] * change[j, k] / damped
+            for j in range(n):
+                for k in range(LANES):
+                    x[j, k] = predicted[j, k]
+                for i in range(m):
+                    for k in range(LANES):
+                        x[j, k] += phi2_force[j, i, k] * before[i, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def hold_input(u, inputs, delay, sample, part, substeps):  # type: ignore[no-untyped-def]
+    """Write the mean of the delayed, held input over one substep to `u` (n_u, W)."""
+    n_u = inputs.shape[1]
+    if delay.shape[0] == 0:
+        for j in range(n_u):
+            for k in range(LANES):
+                u[j, k] = inputs[sample, j]
+        return
+    for k in range(LANES):
+        late = max(delay[k], 0.0)
+        start = sample + part / substeps - late
+        first = int(np.floor(start))
+        into = start - first
+        width = 1.0 / substeps
+        spill = max(into + width - 1.0, 0.0) / width
+        for j in range(n_u):
+            one = inputs[max(first, 0), j]
+            two = inputs[min(max(first + 1, 0), inputs.shape[0] - 1), j]
+            u[j, k] = one + spill * (two - one)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def load_state(buffer, x, state_rows, position_row, follows, position):  # type: ignore[no-untyped-def]
+    """Write a core state to the argument rows, with the measured position in its place."""
+    for j in range(x.shape[0]):
+        row = state_rows[j] * LANES
+        if follows and j == position_row:
+            for k in range(LANES):
+                buffer[row + k] = position
+        else:
+            for k in range(LANES):
+                buffer[row + k] = x[j, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def clear(buffer, rows):  # type: ignore[no-untyped-def]
+    """Set the equation rows to zero."""
+    for j in range(rows.shape[0]):
+        row = rows[j] * LANES
+        for k in range(LANES):
+            buffer[row + k] = 0.0
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def evaluate_rates(buffer, base, address, own, state, memory_rate):  # type: ignore[no-untyped-def]
+    """Set the rates of all own states."""
+    for s in range(memory_rate.shape[0]):
+        for k in range(LANES):
+            buffer[memory_rate[s] + k] = 0.0
+    for i in range(address.shape[0]):
+        call_lane(address[i], base, own[i], state[i])

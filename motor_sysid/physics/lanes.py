@@ -1,0 +1,169 @@
+"""Compile a law into a lane function: one loop over 32 parameter vectors, called by address.
+
+The kernel knows no effect.  Each law is written, together with the whole text of its file, into a
+generated module whose name holds a hash of everything that it depends on, and is compiled alone;
+so any combination of effects is only a list of addresses, an edited law is never stale, and a
+user's own file takes the same path as a built-in one.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+import hashlib
+import importlib.util
+import inspect
+import os
+from pathlib import Path
+from types import ModuleType
+
+import numba
+import numpy as np
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics import laws, native
+from motor_sysid.physics.effect import ARGUMENTS, Effect, FORCES, Law
+
+LANES = native.LANES
+"""Parameter vectors in one block."""
+
+ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
+ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate(FORCES)}
+FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(FORCES)
+
+_TEMPLATE = '''
+
+# ---- generated from {origin}; do not edit ----
+from numba import cfunc as _cfunc, njit as _njit
+from motor_sysid.physics.native import as_pointer as _as_pointer
+
+_law = _njit(error_model='numpy')({function})
+
+
+@_cfunc('void(int64, int64, int64)', cache=True, error_model='numpy')
+def lane(base, own, state):
+    p = _as_pointer(base)
+    for k in range({lanes}):
+        p[{target} + k] += _law({arguments})
+'''
+
+
+@dataclass(frozen=True)
+class Lane:
+    """A compiled law.
+
+    Attributes
+    ----------
+    address:
+        Of the native function ``void(buffer, own parameter offset, own state offset)``.
+    target:
+        Name of the equation, or of the own state whose rate it gives.
+    arguments:
+        Names that it reads.
+    keep:
+        The compiled object, which must outlive the address.
+    """
+
+    address: int
+    target: str
+    arguments: frozenset[str]
+    keep: object
+
+
+def cache_directory() -> Path:
+    """Return the folder of generated lane functions, made if need be.
+
+    ``MOTOR_SYSID_CACHE`` overrides ``~/.cache/motor_sysid``.
+    """
+    given = os.environ.get('MOTOR_SYSID_CACHE')
+    home = os.environ.get('XDG_CACHE_HOME') or Path(os.environ.get('HOME', '/tmp')) / '.cache'
+    folder = Path(given) if given else Path(home) / 'motor_sysid'
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def compile_effect(effect: Effect, motor_parameters: tuple[str, ...]) -> tuple[Lane, ...]:
+    """Compile every law and rate of an effect for a motor with the given parameters.
+
+    Raises
+    ------
+    UserError
+        If a law asks for a name that the motor and the effect do not have.
+    """
+    return _compile(effect.key, effect.source, motor_parameters, _Laws(effect))
+
+
+class _Laws:
+    """The laws of an effect, equal when their source is: so that compilation is memoized."""
+
+    def __init__(self, effect: Effect) -> None:
+        self.effect = effect
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Laws) and other.effect.source == self.effect.source
+
+    def __hash__(self) -> int:
+        return hash(self.effect.source)
+
+
+@cache
+def _compile(
+    key: str, source: str, motor_parameters: tuple[str, ...], holder: _Laws
+) -> tuple[Lane, ...]:
+    effect = holder.effect
+    lanes = [
+        _lane(effect, law, name, f'{ROW_OF_FORCE[name] * LANES}', motor_parameters)
+        for name, law in effect.laws.items()
+    ]
+    count = len(effect.card.states)
+    for index, (state, rate) in enumerate(effect.rates.items()):
+        target = f'state + {(count + index) * LANES}'
+        lanes.append(_lane(effect, rate, state, target, motor_parameters))
+    return tuple(lanes)
+
+
+def _lane(
+    effect: Effect, law: Law, name: str, target: str, motor_parameters: tuple[str, ...]
+) -> Lane:
+    names = tuple(inspect.signature(law).parameters)
+    reads = ', '.join(_read(effect, name, motor_parameters) for name in names)
+    text = effect.source + _TEMPLATE.format(
+        origin=effect.key, function=law.__name__, lanes=LANES, target=target, arguments=reads
+    )
+    module = _generated_module(f'{effect.key}_{name}', text)
+    lane = module.lane
+    return Lane(int(lane.address), name, frozenset(names), lane)
+
+
+def _read(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:
+    """Return the expression that reads one argument of a law from the buffer."""
+    own = [p.name for p in effect.card.parameters]
+    if name in own:
+        return f'p[own + {own.index(name) * LANES} + k]'
+    if name in effect.card.states:
+        return f'p[state + {effect.card.states.index(name) * LANES} + k]'
+    if name in ROW_OF_ARGUMENT:
+        return f'p[{ROW_OF_ARGUMENT[name] * LANES} + k]'
+    if name in motor_parameters:
+        row = FIRST_PARAMETER_ROW + motor_parameters.index(name)
+        return f'p[{row * LANES} + k]'
+    known = ', '.join([*own, *effect.card.states, *motor_parameters, *ARGUMENTS])
+    raise UserError(f'effect `{effect.key}`: law asks for unknown `{name}`; known are {known}')
+
+
+def _generated_module(stem: str, text: str) -> ModuleType:
+    depends = text + inspect.getsource(laws) + inspect.getsource(native)
+    depends += f'{numba.__version__} {np.__version__}'
+    name = f'lane_{stem}_{hashlib.sha256(depends.encode()).hexdigest()[:16]}'
+    path = cache_directory() / f'{name}.py'
+    if not path.exists():
+        fresh = path.with_suffix(f'.{os.getpid()}')
+        fresh.write_text(text, encoding='utf-8')
+        fresh.replace(path)
+    spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise UserError(f'cannot load generated file {path}; delete it and try again')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+

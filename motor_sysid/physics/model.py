@@ -1,0 +1,175 @@
+"""A model is a value: a motor kind, the effects added to it, and their parameters."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from enum import Enum
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effect import Amplitude, Effect, Shape
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.motors import motor
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.parameters import Parameter, ParameterSet
+from motor_sysid.physics.scales import Scales
+
+
+class SpeedSensor(Enum):
+    """How the speed signal comes about."""
+
+    IDEAL = 'ideal'
+    """The speed at the sample time."""
+
+    DIFFERENCE = 'difference'
+    """The difference of the position over the last sample, half a sample late."""
+
+
+_LINEAR_UNITS = {
+    'N m s/rad': 'N s/m', 'N m/A': 'N/A', 'N m': 'N', 'kg m^2': 'kg', 'rad/s': 'm/s', 'rad': 'm',
+    'N m s^2/rad^2': 'N s^2/m^2', '1/rad': '1/m',
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Model:
+    """A motor model.
+
+    Attributes
+    ----------
+    motor:
+        Key of the motor kind.
+    effects:
+        Keys of the effects that it has, in the order of adding.
+    parameters:
+        Parameters of the motor, then of its effects (``effect_key.symbol``).
+    speed_sensor:
+        How the speed is measured.
+    linear:
+        Whether the axis is linear: m, m/s, N and kg in place of rad, rad/s, N m and kg m^2.
+    provenance:
+        Where it came from: name and SHA-256 of the data, validity range, version.
+    """
+
+    motor: str
+    effects: tuple[str, ...]
+    parameters: ParameterSet
+    speed_sensor: SpeedSensor = SpeedSensor.IDEAL
+    linear: bool = False
+    provenance: Mapping[str, str] = field(default_factory=dict)
+
+    @classmethod
+    def base(
+        cls,
+        key: str,
+        values: Mapping[str, float] | None = None,
+        *,
+        speed_sensor: SpeedSensor = SpeedSensor.IDEAL,
+        linear: bool = False,
+    ) -> 'Model':
+        """Return a linear model of that motor kind, with default values where none are given.
+
+        Raises
+        ------
+        UserError
+            If the kind or a parameter is unknown or a value lies outside its box.
+        """
+        kind = motor(key)
+        items = tuple(_linear(p) if linear else p for p in kind.parameters)
+        parameters = ParameterSet(items).with_values(values or {})
+        return cls(key, (), parameters, speed_sensor, linear)
+
+    @property
+    def kind(self) -> Motor:
+        """The motor kind."""
+        return motor(self.motor)
+
+    def __getitem__(self, name: str) -> float:
+        """Return the value of a parameter."""
+        return self.parameters[name].value
+
+    def with_effect(
+        self,
+        key: str,
+        values: Mapping[str, float] | None = None,
+        scales: Scales | None = None,
+    ) -> 'Model':
+        """Return the model with one effect more.
+
+        Effects that the new one generalises go.  `values` name the effect's parameters without
+        its key; the others start at zero (amplitudes) or at their first start (shapes).  With
+        `scales` the boxes are those of the card; without, they are wide open.
+
+        Raises
+        ------
+        UserError
+            If the effect is unknown, is there already, or needs what the motor does not have.
+        """
+        new = effect(key)
+        if key in self.effects:
+            raise UserError(f'the model has `{key}` already')
+        missing = new.needs() - self.kind.names()
+        if missing:
+            raise UserError(
+                f'`{key}` needs {", ".join(sorted(missing))}, which a {self.kind.title} model '
+                'does not have'
+            )
+        slim = self
+        for special in new.card.generalises:
+            if special in slim.effects:
+                slim = slim.without_effect(special)
+        added = [_effect_parameter(new, p, scales) for p in new.card.parameters]
+        if self.linear:
+            added = [_linear(p) for p in added]
+        parameters = slim.parameters.plus(added).with_values(
+            {f'{key}.{name}': value for name, value in (values or {}).items()}
+        )
+        return replace(slim, effects=(*slim.effects, key), parameters=parameters)
+
+    def without_effect(self, key: str) -> 'Model':
+        """Return the model with one effect less."""
+        if key not in self.effects:
+            raise UserError(f'the model has no `{key}`; it has {", ".join(self.effects) or "none"}')
+        names = [p.name for p in self.parameters if p.name.startswith(f'{key}.')]
+        return replace(
+            self,
+            effects=tuple(k for k in self.effects if k != key),
+            parameters=self.parameters.without(names),
+        )
+
+    def with_values(self, values: Mapping[str, float]) -> 'Model':
+        """Return the model with other parameter values."""
+        return replace(self, parameters=self.parameters.with_values(values))
+
+    def with_estimates(
+        self, values: Mapping[str, float], sigmas: Mapping[str, float]
+    ) -> 'Model':
+        """Return the model with estimated values and their standard deviations."""
+        return replace(
+            self, parameters=self.parameters.with_values(values).with_sigmas(sigmas)
+        )
+
+    def with_free(self, names: Iterable[str], free: bool = True) -> 'Model':
+        """Return the model in which the named parameters are free (or fixed) in fits."""
+        return replace(self, parameters=self.parameters.with_free(names, free))
+
+    def with_provenance(self, **notes: str) -> 'Model':
+        """Return the model with more notes on where it came from."""
+        return replace(self, provenance={**self.provenance, **notes})
+
+
+def _effect_parameter(owner: Effect, card: Amplitude | Shape, scales: Scales | None) -> Parameter:
+    size = scales.size(card.scale) if scales else 1.0
+    if isinstance(card, Amplitude):
+        reach = card.limit * size if scales else 1e12
+        value, lower, upper, free = 0.0, 0.0 if card.positive else -reach, reach, True
+    else:
+        start = card.starts[0] if card.starts else card.lower
+        value = start * size
+        lower, upper = (card.lower * size, card.upper * size) if scales else (1e-12, 1e12)
+        free = card.free
+    return Parameter(
+        f'{owner.key}.{card.name}', card.unit, value, lower, upper, card.description, free
+    )
+
+
+def _linear(parameter: Parameter) -> Parameter:
+    return replace(parameter, unit=_LINEAR_UNITS.get(parameter.unit, parameter.unit))

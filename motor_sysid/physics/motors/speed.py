@@ -1,0 +1,23 @@
+"""The speed of a record, measured or differenced from the position."""
+
+import numpy as np
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.motors.base import Array
+from motor_sysid.signals.record import Record
+
+
+def measured_speed(record: Record) -> Array:
+    """Return (N,) speed in rad/s or m/s; central differences of the position if need be.
+
+    Raises
+    ------
+    UserError
+        If the record has neither speed nor position.
+    """
+    if 'speed' in record:
+        return record['speed']
+    if 'position' in record:
+        speed: Array = np.gradient(record['position'], record.time)
+        return speed
+    raise UserError('the record has neither speed nor position; a motor needs one of them')

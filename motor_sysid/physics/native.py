@@ -1,0 +1,34 @@
+"""Two intrinsics: read memory through an address, and call a compiled function by its address."""
+
+from llvmlite import ir
+from numba import types
+from numba.extending import intrinsic
+
+LANES = 32
+"""Parameter vectors that one block carries: enough for the compiler to keep the loop rolled."""
+
+
+@intrinsic
+def as_pointer(typingctx, address):  # type: ignore[no-untyped-def]
+    """Turn an integer address into a pointer to float64."""
+    signature = types.CPointer(types.float64)(types.int64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.inttoptr(args[0], context.get_value_type(sig.return_type))
+
+    return signature, codegen
+
+
+@intrinsic
+def call_lane(typingctx, address, base, own, state):  # type: ignore[no-untyped-def]
+    """Call ``void(int64, int64, int64)`` at `address`."""
+    signature = types.void(types.int64, types.int64, types.int64, types.int64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        word = ir.IntType(64)
+        kind = ir.FunctionType(ir.VoidType(), [word, word, word])
+        function = builder.inttoptr(args[0], kind.as_pointer())
+        builder.call(function, args[1:])
+        return context.get_dummy_value()
+
+    return signature, codegen

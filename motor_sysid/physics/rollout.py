@@ -1,0 +1,451 @@
+"""The only integrator: single runs, populations and sensitivities through one kernel."""
+
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effect import ARGUMENTS, Effect
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.kernel import run_block
+from motor_sysid.physics.lanes import (
+    compile_effect,
+    FIRST_PARAMETER_ROW,
+    Lane,
+    LANES,
+    ROW_OF_ARGUMENT,
+    ROW_OF_FORCE,
+)
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+_EMPTY = np.empty(0)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """What drives a simulation.
+
+    Attributes
+    ----------
+    inputs:
+        (N, n_u) held inputs.
+    dt, start:
+        Sample time and time of the first sample, s.
+    position:
+        (N,) measured position that position-dependent laws see, or empty: then they see the
+        simulated one.
+    """
+
+    inputs: Array
+    dt: float
+    start: float = 0.0
+    position: Array = field(default_factory=lambda: _EMPTY)
+
+    @classmethod
+    def of(cls, record: Record, kind: Motor, *, follow_position: bool = True) -> 'Drive':
+        """Return the drive of a uniformly sampled record.
+
+        Laws that depend on position are given the measured position where there is one, or the
+        sum of the measured speed: a simulated angle drifts, and the wave with it.
+
+        Raises
+        ------
+        UserError
+            If the record lacks every set of inputs of the motor kind or is not uniform.
+        """
+        names = input_signals(record, kind)
+        if not record.is_uniform:
+            raise UserError('the record is not uniformly sampled; use record.uniform()')
+        position = _EMPTY
+        if follow_position and 'position' in record:
+            position = record['position']
+        elif follow_position and 'speed' in record:
+            position = np.cumsum(record['speed']) * record.dt
+        columns = np.column_stack([record[name] for name in names])
+        return cls(np.ascontiguousarray(columns), record.dt, float(record.time[0]), position)
+
+
+def input_signals(record: Record, kind: Motor) -> tuple[str, ...]:
+    """Return the first set of input signals of the motor kind that the record has.
+
+    Raises
+    ------
+    UserError
+        If it has none.
+    """
+    for names in kind.inputs:
+        if all(name in record for name in names):
+            return names
+    wanted = ' or '.join('+'.join(names) for names in kind.inputs)
+    raise UserError(
+        f'a {kind.title} needs {wanted} as input; the record has {", ".join(record)}. Name the '
+        'column or topic in a msg_config file'
+    )
+
+
+class Program:
+    """A motor with effects, compiled: a list of law addresses and where their numbers lie.
+
+    Parameters
+    ----------
+    kind:
+        Motor kind.
+    effects:
+        Its effects.
+    outputs:
+        Signals to predict.
+    speed_sensor:
+        How the speed signal comes about.
+    """
+
+    def __init__(
+        self,
+        kind: Motor,
+        effects: Sequence[Effect],
+        outputs: Sequence[str],
+        speed_sensor: SpeedSensor = SpeedSensor.IDEAL,
+    ) -> None:
+        self.kind, self.effects, self.outputs = kind, tuple(effects), tuple(outputs)
+        self.speed_sensor = speed_sensor
+        self.names = tuple(p.name for p in kind.parameters) + tuple(
+            f'{e.key}.{p.name}' for e in effects for p in e.card.parameters
+        )
+        self._lay_out()
+        self._aim_outputs()
+
+    @classmethod
+    def of(cls, model: Model, outputs: Sequence[str]) -> 'Program':
+        """Return the program of a model."""
+        return cls(model.kind, [effect(k) for k in model.effects], outputs, model.speed_sensor)
+
+    def _lay_out(self) -> None:
+        """Give every parameter and own state its row, and sort the laws, stiff ones first."""
+        motor_names = tuple(p.name for p in self.kind.parameters)
+        force_index = {force.name: j for j, force in enumerate(self.kind.forces)}
+        own_argument = {force.name: force.own_state for force in self.kind.forces}
+        row = FIRST_PARAMETER_ROW + len(motor_names)
+        laws: list[tuple[bool, int, Lane, int, int]] = []
+        rates: list[tuple[Lane, int, int]] = []
+        self._memory: list[int] = []
+        self._memory_rate: list[int] = []
+        for one in self.effects:
+            own = row * LANES
+            row += len(one.card.parameters)
+            state, count = row * LANES, len(one.card.states)
+            row += 2 * count
+            self._memory += [state + s * LANES for s in range(count)]
+            self._memory_rate += [state + (count + s) * LANES for s in range(count)]
+            for lane in compile_effect(one, motor_names):
+                if lane.target in one.card.states:
+                    rates.append((lane, own, state))
+                elif lane.target in force_index:
+                    stiff = own_argument[lane.target] in lane.arguments
+                    laws.append((not stiff, force_index[lane.target], lane, own, state))
+        laws.sort(key=lambda law: law[0])
+        self._keep = [law[2] for law in laws] + [rate[0] for rate in rates]
+        self._rows = row + 1
+        self._stiff_count = sum(not law[0] for law in laws)
+        self._stiff_force = _integers([law[1] for law in laws])
+        self._laws = tuple(
+            _integers([pick(law) for law in laws])
+            for pick in (lambda s: s[2].address, lambda s: s[3], lambda s: s[4])
+        )
+        self._rates = tuple(
+            _integers([pick(rate) for rate in rates])
+            for pick in (lambda s: s[0].address, lambda s: s[1], lambda s: s[2])
+        )
+
+    def _aim_outputs(self) -> None:
+        known = {output.signal: output for output in self.kind.outputs}
+        motor_names = [p.name for p in self.kind.parameters]
+        zero_row = self._rows - 1
+        states, differenced, bias = [], [], []
+        for signal in self.outputs:
+            if signal not in known:
+                raise UserError(f'a {self.kind.title} model does not predict `{signal}`')
+            output = known[signal]
+            late = signal == 'speed' and self.speed_sensor is SpeedSensor.DIFFERENCE
+            states.append(self.kind.states.index('theta' if late else output.state))
+            differenced.append(int(late))
+            bias.append(
+                FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
+            )
+        self._outputs = (_integers(states), _integers(differenced), _integers(bias))
+
+    def run(
+        self,
+        values: Mapping[str, Array],
+        drive: Drive,
+        initial: Array,
+        *,
+        substeps: int = 1,
+        threads: int = 1,
+    ) -> Array:
+        """Simulate a population.
+
+        Parameters
+        ----------
+        values:
+            Every parameter name to (P,) values.
+        drive:
+            Inputs.
+        initial:
+            (P, n) initial states, or (n,) for all.
+        substeps:
+            Integration steps per sample.
+        threads:
+            Blocks of 32 that may run at the same time.
+
+        Returns
+        -------
+        (N, n_y, P) outputs; NaN where the parameters make no motor.
+        """
+        size = max(np.size(value) for value in values.values())
+        table = np.empty((len(self.names), size))
+        for row, name in enumerate(self.names):
+            table[row] = values[name]
+        states = np.broadcast_to(initial, (size, len(self.kind.states)))
+        blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
+
+        def one(block: slice) -> Array:
+            return self._run_block(table[:, block], drive, states[block], substeps)
+
+        if threads > 1 and len(blocks) > 1:
+            with ThreadPoolExecutor(threads) as pool:
+                parts = list(pool.map(one, blocks))
+        else:
+            parts = [one(block) for block in blocks]
+        return np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0]
+
+    def _run_block(self, table: Array, drive: Drive, states: Array, substeps: int) -> Array:
+        used = table.shape[1]
+        workspace = self.workspace(table, drive.dt / substeps)
+        x = np.empty((len(self.kind.states), LANES))
+        x[:, :used] = states.T
+        x[:, used:] = states.T[:, :1]
+        outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
+        self.advance(workspace, x, drive, substeps, outputs)
+        return outputs[:, :, :used]
+
+    def workspace(self, table: Array, step: float) -> 'Workspace':
+        """Return the matrices and work memory of up to 32 parameter vectors (one a column)."""
+        used = table.shape[1]
+        full = np.repeat(table[:, :1], LANES, axis=1)
+        full[:, :used] = table
+        named = dict(zip(self.names, full, strict=True))
+        buffer = np.zeros(self._rows * LANES)
+        rows = buffer.reshape(self._rows, LANES)
+        offset = FIRST_PARAMETER_ROW
+        for p in self.kind.parameters:
+            rows[offset] = named[p.name]
+            offset += 1
+        delay = _EMPTY
+        for one in self.effects:
+            for card in one.card.parameters:
+                rows[offset] = named[f'{one.key}.{card.name}']
+                offset += 1
+            offset += 2 * len(one.card.states)
+            if one.card.delay:
+                late = named[f'{one.key}.{one.card.delay}']
+                delay = late.copy() if delay.size == 0 else delay + late
+        with np.errstate(all='ignore'):
+            matrices = _exponential_matrices(*self.kind.matrices(named), step)
+        return Workspace(matrices, buffer, delay)
+
+    def advance(
+        self, workspace: 'Workspace', x: Array, drive: Drive, substeps: int, outputs: Array
+    ) -> None:
+        """Run the kernel over the drive; `x` (n, 32) and the workspace keep the final state."""
+        kind = self.kind
+        delay = workspace.delay / drive.dt if workspace.delay.size else _EMPTY
+        run_block(
+            *workspace.matrices,
+            substeps,
+            drive.dt / substeps,
+            drive.start,
+            drive.inputs,
+            delay,
+            drive.position,
+            workspace.buffer,
+            workspace.buffer.ctypes.data,
+            x,
+            _integers([ROW_OF_ARGUMENT[s] for s in kind.states]),
+            _integers([ROW_OF_ARGUMENT[s] for s in kind.arguments]),
+            _integers([ROW_OF_FORCE[f.name] for f in kind.forces]),
+            _integers([kind.states.index(f.own_state) for f in kind.forces]),
+            ARGUMENTS.index('t'),
+            *self._laws,
+            self._stiff_count,
+            self._stiff_force,
+            *self._rates,
+            _integers(self._memory),
+            _integers(self._memory_rate),
+            *self._outputs,
+            outputs,
+        )
+
+
+@dataclass
+class Workspace:
+    """Matrices of one substep, the kernel's flat memory, and input delays in s (or empty)."""
+
+    matrices: tuple[Array, Array, Array, Array]
+    buffer: Array
+    delay: Array
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A simulated run: (N,) time in s and output signal to (N,) values, free of noise."""
+
+    time: Array
+    outputs: Mapping[str, Array]
+
+
+def simulate(
+    model: Model,
+    record: Record,
+    outputs: Sequence[str] | None = None,
+    *,
+    initial: Mapping[str, float] | None = None,
+    follow_position: bool = True,
+    substeps: int = 1,
+) -> Trajectory:
+    """Run a model freely from the recorded input.
+
+    Parameters
+    ----------
+    model:
+        The model.
+    record:
+        Inputs, and the measured position if laws are to follow it; resampled if not uniform.
+    outputs:
+        Signals to predict; by default all that the motor kind can.
+    initial:
+        State name to initial value; by default rest at the recorded position.
+    follow_position:
+        Whether laws see the measured position (default) or the simulated one.
+    substeps:
+        Integration steps per sample.
+    """
+    even = record.uniform()
+    signals = tuple(outputs or (o.signal for o in model.kind.outputs))
+    program = Program.of(model, signals)
+    drive = Drive.of(even, model.kind, follow_position=follow_position)
+    start = {'theta': even['position'][0]} if 'position' in even else {}
+    start.update(initial or {})
+    state = np.array([start.get(name, 0.0) for name in model.kind.states])
+    values = {name: np.array([value]) for name, value in model.parameters.values().items()}
+    run = program.run(values, drive, state, substeps=substeps)
+    return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})
+
+
+class Stepper:
+    """A model that runs one sample at a time: the plant of a live simulation.
+
+    Parameters
+    ----------
+    model:
+        The model.
+    dt:
+        Sample time in s.
+    substeps:
+        Integration steps per sample.
+    """
+
+    def __init__(self, model: Model, dt: float, substeps: int = 1) -> None:
+        self.model, self.dt = model, dt
+        self._substeps = substeps
+        self._program = Program.of(model, tuple(o.signal for o in model.kind.outputs))
+        self._outputs = np.empty((1, len(self._program.outputs), LANES))
+        self.reset()
+
+    def reset(self, **state: float) -> None:
+        """Start again at rest, or at the given state (``omega=...``, ``theta=...``)."""
+        values = self.model.parameters.values()
+        table = np.array([[values[name]] for name in self._program.names])
+        self._workspace = self._program.workspace(table, self.dt / self._substeps)
+        late = self._workspace.delay[0] / self.dt if self._workspace.delay.size else 0.0
+        self._late = float(late)
+        self._workspace.delay = _EMPTY
+        start = [state.get(name, 0.0) for name in self.model.kind.states]
+        self._x = np.repeat(np.array(start)[:, np.newaxis], LANES, axis=1)
+        depth = int(self._late) + 2
+        self._history = np.zeros((depth, len(self.model.kind.arguments)))
+        self._count = 0
+
+    def step(self, u: float | Sequence[float]) -> None:
+        """Advance one sample under the held input `u` (n_u values, or one number)."""
+        self._history = np.roll(self._history, 1, axis=0)
+        self._history[0] = u
+        whole = int(self._late)
+        part = self._late - whole
+        held = (1 - part) * self._history[whole] + part * self._history[whole + 1]
+        drive = Drive(held[np.newaxis, :], self.dt, self._count * self.dt)
+        self._program.advance(
+            self._workspace, self._x, drive, self._substeps, self._outputs
+        )
+        self._count += 1
+
+    @cached_property
+    def _biases(self) -> dict[str, float]:
+        return {o.signal: self.model[o.bias] if o.bias else 0.0 for o in self.model.kind.outputs}
+
+    @property
+    def state(self) -> dict[str, float]:
+        """State name to value, now."""
+        return {name: float(self._x[j, 0]) for j, name in enumerate(self.model.kind.states)}
+
+    @property
+    def outputs(self) -> dict[str, float]:
+        """Signal to value, now: sensor offsets included, without noise and differencing."""
+        state = self.state
+        return {o.signal: state[o.state] + self._biases[o.signal] for o in self.model.kind.outputs}
+
+
+def _exponential_matrices(
+    a: Array, b: Array, g: Array, h: float
+) -> tuple[Array, Array, Array, Array]:
+    """Return exp(Ah), h phi1 B, h phi1 G, h phi2 G, lane last, for (W, n, n), (W, n, k) arrays.
+
+    The block matrix ``[[Ah, hI, 0], [0, 0, I], [0, 0, 0]]`` has exp(Ah), h phi1(Ah) and
+    h phi2(Ah) in the first row of its exponential.
+    """
+    lanes, n = a.shape[0], a.shape[1]
+    block = np.zeros((lanes, 3 * n, 3 * n))
+    block[:, :n, :n] = a * h
+    block[:, :n, n : 2 * n] = h * np.eye(n)
+    block[:, n : 2 * n, 2 * n :] = np.eye(n)
+    whole = _exponential(block)
+    phi1, phi2 = whole[:, :n, n : 2 * n], whole[:, :n, 2 * n :]
+    parts = (whole[:, :n, :n], phi1 @ b, phi1 @ g, phi2 @ g)
+    turned = [np.ascontiguousarray(np.moveaxis(part, 0, 2)) for part in parts]
+    return turned[0], turned[1], turned[2], turned[3]
+
+
+def _exponential(block: Array) -> Array:
+    """Matrix exponential of (W, k, k) by scaling, a Taylor series of degree 14, and squaring."""
+    size = np.max(np.sum(np.abs(block), axis=2))
+    if not np.isfinite(size) or size > 1e12:
+        return np.full_like(block, np.nan)
+    squarings = max(int(np.ceil(np.log2(max(size, 1e-300)))) + 2, 0)
+    scaled = block / 2.0**squarings
+    unit = np.broadcast_to(np.eye(block.shape[1]), block.shape)
+    total, term = unit + scaled, scaled
+    for k in range(2, 15):
+        term = term @ scaled / k
+        total = total + term
+    for _ in range(squarings):
+        total = total @ total
+    return total
+
+
+def _integers(values: Sequence[int]) -> NDArray[np.int64]:
+    return np.array(values, dtype=np.int64)

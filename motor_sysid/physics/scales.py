@@ -1,0 +1,65 @@
+"""Typical sizes of a motor's signals in its records: what boxes and starts are measured by."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motor_sysid.physics.effect import Scale
+from motor_sysid.physics.motors import motor
+from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.signals.record import Record
+
+
+@dataclass(frozen=True)
+class Scales:
+    """RMS of torque, speed, current, voltage; sample time and duration in s; loss in W."""
+
+    torque: float
+    speed: float
+    current: float
+    voltage: float
+    sample: float
+    duration: float
+    loss: float
+
+    def size(self, scale: Scale) -> float:
+        """Return the size that a parameter of that scale is measured by."""
+        return {
+            Scale.ONE: 1.0,
+            Scale.TORQUE: self.torque,
+            Scale.DRAG: self.torque / self.speed**2,
+            Scale.SPEED: self.speed,
+            Scale.CURRENT: self.current,
+            Scale.VOLTAGE: self.voltage,
+            Scale.SAMPLE: self.sample,
+            Scale.DURATION: self.duration,
+            Scale.HEATING: 1.0 / (self.loss * self.duration),
+        }[scale]
+
+
+def scales_of(key: str, values: dict[str, float], records: Sequence[Record]) -> Scales:
+    """Measure the scales of a motor of kind `key` with parameter `values` in its records."""
+    kind = motor(key)
+    torque = np.concatenate([kind.drive_torque(values, record) for record in records])
+    speed = np.concatenate([measured_speed(record) for record in records])
+    current = _joined(records, 'current')
+    resistance = values.get('R', 1.0)
+    return Scales(
+        torque=_rms(torque),
+        speed=_rms(speed),
+        current=_rms(current),
+        voltage=_rms(_joined(records, 'voltage')),
+        sample=records[0].dt,
+        duration=max(record.duration for record in records),
+        loss=max(resistance * _rms(current) ** 2, 1e-12),
+    )
+
+
+def _joined(records: Sequence[Record], name: str) -> np.ndarray:
+    parts = [record[name] for record in records if name in record]
+    return np.concatenate(parts) if parts else np.ones(1)
+
+
+def _rms(values: np.ndarray) -> float:
+    return max(float(np.sqrt(np.mean(values**2))), 1e-12)
