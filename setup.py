@@ -6,7 +6,7 @@ import re
 from setuptools import find_packages, setup
 
 NAME = 'motor_sysid'
-ROOT = Path(__file__).parent
+ROOT = Path(__file__).resolve().parent
 VERSION = re.search(r"__version__ = '(.+)'", (ROOT / NAME / '__init__.py').read_text()).group(1)
 
 # The wheels of rclpy exist for this platform alone; elsewhere everything but the nodes works.
