@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 import hashlib
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -178,9 +179,7 @@ class Record:
         """Split where two samples are more than `max_gap` s apart; stubs under 2 samples go."""
         cuts = np.flatnonzero(np.diff(self.time) > max_gap) + 1
         edges = [0, *cuts.tolist(), len(self)]
-        return [
-            self.slice(a, b) for a, b in zip(edges[:-1], edges[1:], strict=True) if b - a >= 2
-        ]
+        return [self.slice(a, b) for a, b in pairwise(edges) if b - a >= 2]
 
     def split(self, validation_fraction: float = 0.2) -> 'tuple[Record, Record]':
         """Return the first part for training and the last `validation_fraction` to validate."""

@@ -91,7 +91,7 @@ TEMPERATURES = {
 }  # fmt: skip
 CASELESS = {
     word.lower(): word
-    for word in ('V', 'A', 'N', 'Nm', 'ohm', 'Hz', 'rpm', 'rad', 'deg', 'rev', 's', 'mV', 'mA', 'ms')
+    for word in ('V', 'A', 'N', 'Nm', 'ohm', 'Hz', 'rpm', 'rad', 'deg', 'rev', 's', 'mV', 'mA')
 }
 ORDER = ('V', 'A', 'rad', 'count', 'kg', 'N', 'm', 's')
 
@@ -100,7 +100,8 @@ def parse_unit(text: str) -> Unit:
     """Return the unit written as `text`: ``rpm``, ``mA``, ``rad/s``, ``N m``, ``m/s^2`` ...
 
     Products are written with a blank, ``*``, ``.`` or ``·``, quotients with ``/`` (everything
-    after the first ``/`` divides).  Case matters where two units differ by it only (``m``, ``M``), else not.
+    after the first ``/`` divides).  Case matters only where
+    it tells two units apart.
 
     Raises
     ------

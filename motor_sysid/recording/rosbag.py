@@ -1,0 +1,197 @@
+"""A rosbag2 recording: a folder, one ``.mcap`` or one ``.db3``, whole or damaged."""
+
+from collections.abc import Collection, Iterator, Mapping
+import heapq
+from pathlib import Path
+import re
+import struct
+import tempfile
+
+import yaml
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording.mcap import McapFile
+from motor_sysid.recording.messages import concatenate, from_list, Messages, Topic
+from motor_sysid.recording.sqlite import SqliteFile
+from motor_sysid.signals.finding import Finding, Severity
+
+STORAGES: Mapping[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
+
+
+def is_bag(path: Path) -> bool:
+    """Tell whether a path looks like a rosbag2 recording (the content may still be damaged)."""
+    if path.is_dir():
+        return (path / 'metadata.yaml').exists() or bool(_storage_files(path))
+    return path.suffix in STORAGES
+
+
+class Bag:
+    """A bag, opened for reading; nothing is ever changed.
+
+    Attributes
+    ----------
+    topics:
+        Its topics by name.
+    custom_data:
+        What the recorder wrote beside the messages (``custom_data`` of metadata.yaml).
+    findings:
+        What is damaged or missing, as far as known; complete after `read`.
+
+    Raises
+    ------
+    UserError
+        If there is nothing to read.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        self.findings: list[Finding] = []
+        self._unpacked: tempfile.TemporaryDirectory[str] | None = None
+        information = self._metadata() if self.path.is_dir() else {}
+        self.custom_data = _texts(information.get('custom_data'))
+        self._compressed_messages = _text(information, 'compression_mode').lower() == 'message'
+        self._files: list[McapFile | SqliteFile] = []
+        for file in self._paths(information):
+            self._open(file)
+        if not self._files:
+            reasons = '; '.join(finding.message for finding in self.findings)
+            raise UserError(f'{path} holds no readable .mcap or .db3 file ({reasons})')
+        self.topics: Mapping[str, Topic] = {
+            topic.name: topic for file in reversed(self._files) for topic in file.topics
+        }
+
+    def read(self, names: Collection[str]) -> dict[str, Messages]:
+        """Return the messages of the named topics, each in the order of reception."""
+        pieces: dict[str, list[Messages]] = {name: [] for name in names}
+        for file in self._files:
+            already = len(file.findings)
+            try:
+                found = file.read(names)
+            except (struct.error, ValueError, IndexError) as error:
+                raise UserError(
+                    f'{file.path} is damaged beyond reading ({error}); copy it again'
+                ) from None
+            for name, messages in found.items():
+                pieces[name].append(self._decompressed(messages))
+            self.findings += file.findings[already:]
+        return {name: concatenate(found) for name, found in pieces.items() if found}
+
+    def iterate(self, names: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
+        """Yield (topic, receive time in ns, CDR bytes) in the order of reception.
+
+        Parameters
+        ----------
+        names:
+            Topics to read; all of them if empty.
+        """
+        wanted = names or tuple(self.topics)
+        streams = [
+            zip(messages.received.tolist(), [name] * len(messages), messages, strict=True)
+            for name, messages in self.read(wanted).items()
+        ]
+        for received, name, data in heapq.merge(*streams, key=lambda item: item[0]):
+            yield name, received, data
+
+    def _metadata(self) -> Mapping[str, object]:
+        """Content of metadata.yaml; empty, with a finding, where it is missing or broken."""
+        file = self.path / 'metadata.yaml'
+        try:
+            content = yaml.safe_load(file.read_text(encoding='utf8'))
+            information = content['rosbag2_bagfile_information']
+            if not isinstance(information, dict):
+                raise TypeError('no mapping')
+        except FileNotFoundError:
+            self._note('missing_metadata', f'{self.path.name} has no metadata.yaml')
+            return {}
+        except (yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError, OSError):
+            self._note('missing_metadata', f'metadata.yaml of {self.path.name} cannot be read')
+            return {}
+        return information
+
+    def _note(self, code: str, message: str) -> None:
+        self.findings.append(
+            Finding(
+                Severity.INFO, code, f'{message}; its storage files were read as they lie',
+                'usually the recorder was killed, and the end of the recording is missing',
+                '`ros2 bag reindex` writes a new one if other tools need it',
+            )
+        )  # fmt: skip
+
+    def _paths(self, information: Mapping[str, object]) -> list[Path]:
+        if not self.path.is_dir():
+            return [self.path]
+        listed = information.get('relative_file_paths')
+        names = listed if isinstance(listed, list) else []
+        named = [self.path / Path(str(name)).name for name in names]
+        for file in named:
+            if not file.exists():
+                self.findings.append(_missing_file(file))
+        return [file for file in named if file.exists()] or _storage_files(self.path)
+
+    def _open(self, file: Path) -> None:
+        """Open one storage file; a broken one among several is a finding, not the end."""
+        try:
+            file = self._unpack(file)
+            self._files.append(STORAGES[file.suffix](file))
+        except KeyError:
+            raise UserError(f'{file} is neither .mcap nor .db3') from None
+        except (UserError, struct.error, ValueError, IndexError) as error:
+            if not self.path.is_dir():
+                raise error if isinstance(error, UserError) else UserError(
+                    f'{file} is damaged beyond reading ({error}); copy it again from its source'
+                ) from None
+            self.findings.append(_unreadable(error))
+
+    def _unpack(self, file: Path) -> Path:
+        """Decompress a file that rosbag2 compressed as a whole."""
+        if file.suffix != '.zstd':
+            return file
+        if self._unpacked is None:
+            self._unpacked = tempfile.TemporaryDirectory(prefix='motor_sysid_')
+        target = Path(self._unpacked.name) / file.stem
+        target.write_bytes(_zstd(file.read_bytes()))
+        return target
+
+    def _decompressed(self, messages: Messages) -> Messages:
+        if not self._compressed_messages:
+            return messages
+        return from_list(messages.received.tolist(), [_zstd(part) for part in messages])
+
+
+def _storage_files(folder: Path) -> list[Path]:
+    """Storage files of a folder in the order of writing (``_2`` before ``_10``)."""
+    files = [
+        file
+        for file in folder.iterdir()
+        if file.suffix in STORAGES or file.name.endswith(('.db3.zstd', '.mcap.zstd'))
+    ]
+    return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.stem)] or [0])
+
+
+def _zstd(data: bytes) -> bytes:
+    # rosbags carries zstd for every Python version.
+    from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
+
+    return DECOMPRESSORS['zstd'](data, 0)
+
+
+def _text(information: Mapping[str, object], key: str) -> str:
+    return str(information.get(key) or '')
+
+
+def _texts(value: object) -> dict[str, str]:
+    return {str(k): str(v) for k, v in value.items()} if isinstance(value, dict) else {}
+
+
+def _missing_file(file: Path) -> Finding:
+    return Finding(
+        Severity.WARNING, 'damaged_bag', f'{file.name} is named in metadata.yaml but missing',
+        'that part of the recording is not in the record', 'copy the whole bag folder',
+    )  # fmt: skip
+
+
+def _unreadable(error: Exception) -> Finding:
+    return Finding(
+        Severity.WARNING, 'damaged_bag', str(error),
+        'that part of the recording is not in the record', 'copy the bag again from its source',
+    )  # fmt: skip

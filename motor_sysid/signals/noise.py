@@ -1,0 +1,73 @@
+"""How much of a measured signal is sensor noise, read from the signal itself."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_coeffs
+
+Array = NDArray[np.float64]
+
+_WINDOW = 9
+_DEGREE = 3
+
+
+@dataclass(frozen=True)
+class Lattice:
+    """A signal that takes only multiples of a step.
+
+    Attributes
+    ----------
+    step:
+        Distance of two neighbouring values.
+    """
+
+    step: float
+
+
+def lattice(values: Array) -> Lattice | None:
+    """Find the step of a quantized signal, or None where it has too many different values.
+
+    Parameters
+    ----------
+    values:
+        (N,) samples.
+    """
+    levels = np.unique(values)
+    if levels.size < 3 or levels.size > 0.5 * values.size:
+        return None
+    gaps = np.diff(levels)
+    span = levels[-1] - levels[0]
+    gaps = gaps[gaps > 1e-9 * span]
+    step = float(np.median(gaps[gaps < 1.5 * np.min(gaps)])) if gaps.size else 0.0
+    if step <= 0:
+        return None
+    off = np.abs(gaps / step - np.round(gaps / step))
+    return Lattice(step) if np.mean(off < 0.02 + 1e-3 * gaps / step) > 0.95 else None
+
+
+def noise_sigma(values: Array, *, differenced: bool = False) -> float:
+    """Estimate the standard deviation of the fast noise on a smooth signal.
+
+    A cubic is fitted around every sample; what it leaves, corrected for what it takes of noise
+    with that spectrum, is the noise.  The median over 40 stretches keeps steps out.
+
+    Parameters
+    ----------
+    values:
+        (N,) uniformly sampled signal.
+    differenced:
+        Whether the noise is white noise differenced over one sample, as on a speed that is taken
+        from encoder counts.
+    """
+    if values.size < 4 * _WINDOW:
+        return float(np.std(np.diff(values)) / np.sqrt(2)) if values.size > 2 else 0.0
+    kernel = -savgol_coeffs(_WINDOW, _DEGREE)
+    kernel[_WINDOW // 2] += 1.0
+    left = np.convolve(values, kernel, mode='valid')
+    shape = np.convolve(kernel, [1.0, -1.0]) / np.sqrt(2) if differenced else kernel
+    gain = float(np.sum(shape**2))
+    parts = np.array_split(left, min(40, left.size // _WINDOW))
+    power = np.array([np.mean(part**2) for part in parts])
+    moving = power[power > 1e-6 * np.max(power)] if np.max(power) > 0 else power
+    return float(np.sqrt(np.median(moving) / gain))
