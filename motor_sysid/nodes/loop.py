@@ -138,13 +138,13 @@ def _program() -> str:
 
 def _initialise(args: Sequence[str] | None) -> None:
     given = list(sys.argv if args is None else args)
-    left = remove_ros_args(given)[1:]
+    try:
+        left = remove_ros_args(given)[1:]
+        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
+    except (RuntimeError, InvalidParameterException) as error:
+        raise UserError(f'these arguments cannot be used: {error}') from None
     if left:
         raise UserError(
             f'unknown argument `{left[0]}`; parameters are given as '
             '`--ros-args -p name:=value` or `--ros-args --params-file FILE`'
         )
-    try:
-        rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
-    except (RuntimeError, InvalidParameterException) as error:
-        raise UserError(f'these arguments cannot be used: {error}') from None
