@@ -19,7 +19,7 @@ from motor_sysid.nodes.publishing import joint_publisher, vector_publisher
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.rollout import Stepper
-from motor_sysid.recording.layout import FieldReader
+from motor_sysid.recording.field_reader import FieldReader
 
 BURST = 100
 """Most samples simulated in one step of the loop, so that services are served in between."""

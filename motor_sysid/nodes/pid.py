@@ -1,0 +1,184 @@
+"""The `pid` node: speed control, with the reference from a topic or a profile of its own."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import math
+import time
+
+from rclpy.context import Context
+from rclpy.duration import Duration
+from rclpy.parameter import Parameter
+from std_srvs.srv import Trigger
+
+from motor_sysid.control.pid import Pid, PidGains
+from motor_sysid.control.profile import Profile, PROFILES
+from motor_sysid.nodes.intake import RawTopic
+from motor_sysid.nodes.loop import LoopNode
+from motor_sysid.nodes.loop import main as run
+from motor_sysid.nodes.parameters import parameter, Settings
+from motor_sysid.nodes.publishing import now_ns, SECOND, vector_publisher
+from motor_sysid.recording.field_reader import FieldReader
+
+STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
+GAP = 0.5
+"""After a gap of this many seconds in the stamps the controller starts anew."""
+FAREWELLS = 5
+"""How often 0 V is sent at the end: a best-effort reader may miss some."""
+OFF = 'topic'
+"""Value of the parameter `profile` with which the reference is read from the topic."""
+
+
+@dataclass(frozen=True)
+class PidSettings:
+    """Parameters of the node."""
+
+    kp: float = parameter(0.15, 'Proportional gain.', 'V s/rad', 0, 1e4, live=True)
+    ki: float = parameter(2.5, 'Integral gain.', 'V/rad', 0, 1e5, live=True)
+    kd: float = parameter(0.0, 'Derivative gain.', 'V s^2/rad', 0, 1e3, live=True)
+    derivative_filter: float = parameter(
+        0.005, 'Time constant of the low-pass on the derivative.', 's', 0, 10, live=True
+    )
+    voltage_limit: float = parameter(24.0, 'Largest voltage, either way.', 'V', 0, 1000, live=True)
+    profile: str = parameter(
+        OFF, 'Where the reference comes from: the topic, or this built-in profile.', '',
+        choices=(OFF, *PROFILES), live=True,
+    )  # fmt: skip
+    top_speed: float = parameter(
+        200.0, 'Largest speed of the profile.', 'rad/s', 0, 1e5, live=True
+    )
+    profile_duration: float = parameter(20.0, 'Duration of the profile.', 's', 0.1, 1e5, live=True)
+    autostart: bool = parameter(
+        True, 'Start the profile with the first sample, not with the service ~/start.'
+    )
+
+    def gains(self) -> PidGains:
+        """Return the gains of the controller."""
+        limit = max(self.voltage_limit, 1e-9)
+        return PidGains(self.kp, self.ki, self.kd, self.derivative_filter, -limit, limit)
+
+    def make_profile(self) -> Profile | None:
+        """Return the profile, None where the reference comes from the topic."""
+        if self.profile == OFF:
+            return None
+        return Profile(self.profile, self.top_speed, self.profile_duration)
+
+
+class PidNode(LoopNode):
+    """Answers every sample of motor/speed with a voltage command that bears the same stamp.
+
+    The sample time is taken from the stamps.  Where samples came in a bunch, each is worked on in
+    turn, so that the controller's memory is right; the last command is the one that counts.
+    """
+
+    period = 0.001
+
+    def __init__(
+        self, context: Context | None = None, overrides: Sequence[Parameter] = ()
+    ) -> None:
+        super().__init__(
+            'pid', context=context, parameter_overrides=list(overrides),
+            automatically_declare_parameters_from_overrides=True,
+        )  # fmt: skip
+        self.settings = Settings(self, PidSettings)
+        self._pid = Pid(self.settings.value.gains())
+        self._profile = self.settings.value.make_profile()
+        self._enabled = self._profile is None or self.settings.value.autostart
+        self._start: int | None = None
+        self._last: int | None = None
+        self._reference = 0.0
+        self._speed = RawTopic(self, 'motor/speed', 'sensor_msgs/msg/JointState')
+        self._read_speed = FieldReader('sensor_msgs/msg/JointState', (*STAMP, 'velocity[0]')).read
+        self._read_reference = FieldReader('geometry_msgs/msg/Vector3Stamped', ('vector.x',)).read
+        self._command = vector_publisher(self, 'motor/voltage_command', 'dc')
+        self._connect_reference()
+        self.create_service(Trigger, '~/start', self._on_start)
+        self.create_service(Trigger, '~/stop', self._on_stop)
+        self.settings.on_change(self._change)
+        self._next_look = 0.0
+
+    def _connect_reference(self) -> None:
+        """Publish the profile, or listen to the topic; never both."""
+        self._given = self._own = None
+        if self._profile is None:
+            self._given = RawTopic(self, 'motor/reference', 'geometry_msgs/msg/Vector3Stamped')
+        else:
+            self._own = vector_publisher(self, 'motor/reference', 'speed')
+
+    def step(self) -> None:
+        """Answer the samples that have come."""
+        now = time.monotonic()
+        if now >= self._next_look:
+            self._next_look = now + 1.0
+            self._speed.adapt()
+        if self._given is not None:
+            for message in self._given.drain()[-1:]:
+                value = float(self._read_reference(message.data)[0])
+                self._reference = value if math.isfinite(value) else 0.0
+        for message in self._speed.drain():
+            seconds, nanoseconds, speed = self._read_speed(message.data)
+            self._answer(int(seconds) * SECOND + int(nanoseconds), float(speed))
+
+    def close(self) -> None:
+        """Leave the motor at 0 V, and give the message time to arrive."""
+        stamp = now_ns(self.get_clock()) if self._last is None else self._last
+        for _ in range(FAREWELLS):
+            self._command.publish(stamp, 0.0, 0.0, 0.0)
+            time.sleep(0.005)
+        self._command.publisher.wait_for_all_acked(Duration(seconds=0.5))
+
+    def _answer(self, stamp: int, speed: float) -> None:
+        last, self._last = self._last, stamp
+        if not self._enabled or last is None or stamp <= last or not math.isfinite(speed):
+            return
+        dt = (stamp - last) / SECOND
+        if dt > GAP:
+            self._pid.reset()
+            return
+        reference = self._reference_at(stamp)
+        voltage = self._pid.step(reference, speed, dt)
+        self._command.publish(stamp, voltage, 0.0, 0.0)
+
+    def _reference_at(self, stamp: int) -> float:
+        if self._profile is None or self._own is None:
+            return self._reference
+        if self._start is None:
+            self._start = stamp
+        reference = self._profile((stamp - self._start) / SECOND)
+        self._own.publish(stamp, reference, 0.0, 0.0)
+        return reference
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._enabled, self._start = True, None
+        self._pid.reset()
+        response.success, response.message = True, 'started'
+        return response
+
+    def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._enabled = False
+        if self._last is not None:
+            self._command.publish(self._last, 0.0, 0.0, 0.0)
+        response.success, response.message = True, 'stopped at 0 V'
+        return response
+
+    def _change(self, settings: PidSettings) -> None:
+        self._pid = self._pid.with_gains(settings.gains())
+        before, self._profile = self._profile, settings.make_profile()
+        if (before is None) != (self._profile is None):
+            self._disconnect_reference()
+            self._connect_reference()
+        self._start = None
+
+    def _disconnect_reference(self) -> None:
+        if self._given is not None:
+            self._given.destroy()
+        if self._own is not None:
+            self.destroy_publisher(self._own.publisher)
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(PidNode, args)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
