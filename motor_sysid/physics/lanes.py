@@ -14,6 +14,7 @@ import importlib.util
 import inspect
 import os
 from pathlib import Path
+import sys
 from types import ModuleType
 
 import numba
@@ -32,7 +33,7 @@ FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(FORCES)
 
 _TEMPLATE = '''
 
-# ---- generated from {origin}; do not edit ----
+# ---- generated from the effect {origin}; do not edit ----
 from numba import cfunc as _cfunc, njit as _njit
 from motor_sysid.physics.native import as_pointer as _as_pointer
 
@@ -163,6 +164,7 @@ def _generated_module(stem: str, text: str) -> ModuleType:
     if spec is None or spec.loader is None:
         raise UserError(f'cannot load generated file {path}; delete it and try again')
     module = importlib.util.module_from_spec(spec)
+    sys.modules[name] = module  # numba finds the module of what it cached by this name
     spec.loader.exec_module(module)
     return module
 

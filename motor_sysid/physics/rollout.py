@@ -188,16 +188,36 @@ class Program:
         substeps: int = 1,
         threads: int = 1,
     ) -> Array:
-        """Simulate a population.
+        """Simulate a population over one stretch; see `run_chain`.
+
+        Returns
+        -------
+        (N, n_y, P) outputs.
+        """
+        return self.run_chain(values, [drive], [initial], substeps=substeps, threads=threads)[0]
+
+    def run_chain(
+        self,
+        values: Mapping[str, Array],
+        drives: Sequence[Drive],
+        initials: Sequence[Array],
+        *,
+        substeps: int = 1,
+        threads: int = 1,
+    ) -> list[Array]:
+        """Simulate a population over stretches that follow each other.
+
+        At the start of each stretch the core state is set anew; own states of effects (heat, say)
+        carry on.
 
         Parameters
         ----------
         values:
             Every parameter name to (P,) values.
-        drive:
-            Inputs.
-        initial:
-            (P, n) initial states, or (n,) for all.
+        drives:
+            Inputs of each stretch.
+        initials:
+            For each stretch (P, n) initial states, or (n,) for all.
         substeps:
             Integration steps per sample.
         threads:
@@ -205,34 +225,41 @@ class Program:
 
         Returns
         -------
-        (N, n_y, P) outputs; NaN where the parameters make no motor.
+        For each stretch (N, n_y, P) outputs; NaN where the parameters make no motor.
         """
         size = max(np.size(value) for value in values.values())
         table = np.empty((len(self.names), size))
         for row, name in enumerate(self.names):
             table[row] = values[name]
-        states = np.broadcast_to(initial, (size, len(self.kind.states)))
+        states = [np.broadcast_to(x, (size, len(self.kind.states))) for x in initials]
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
 
-        def one(block: slice) -> Array:
-            return self._run_block(table[:, block], drive, states[block], substeps)
+        def one(block: slice) -> list[Array]:
+            return self._run_block(table[:, block], drives, [s[block] for s in states], substeps)
 
         if threads > 1 and len(blocks) > 1:
             with ThreadPoolExecutor(threads) as pool:
                 parts = list(pool.map(one, blocks))
         else:
             parts = [one(block) for block in blocks]
-        return np.concatenate(parts, axis=2) if len(parts) > 1 else parts[0]
+        if len(parts) == 1:
+            return parts[0]
+        return [np.concatenate(pieces, axis=2) for pieces in zip(*parts, strict=True)]
 
-    def _run_block(self, table: Array, drive: Drive, states: Array, substeps: int) -> Array:
+    def _run_block(
+        self, table: Array, drives: Sequence[Drive], states: Sequence[Array], substeps: int
+    ) -> list[Array]:
         used = table.shape[1]
-        workspace = self.workspace(table, drive.dt / substeps)
-        x = np.empty((len(self.kind.states), LANES))
-        x[:, :used] = states.T
-        x[:, used:] = states.T[:, :1]
-        outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
-        self.advance(workspace, x, drive, substeps, outputs)
-        return outputs[:, :, :used]
+        workspace = self.workspace(table, drives[0].dt / substeps)
+        results = []
+        for drive, start in zip(drives, states, strict=True):
+            x = np.empty((len(self.kind.states), LANES))
+            x[:, :used] = start.T
+            x[:, used:] = start.T[:, :1]
+            outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
+            self.advance(workspace, x, drive, substeps, outputs)
+            results.append(outputs[:, :, :used])
+        return results
 
     def workspace(self, table: Array, step: float) -> 'Workspace':
         """Return the matrices and work memory of up to 32 parameter vectors (one a column)."""

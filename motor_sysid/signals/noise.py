@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
+from scipy.stats import chi2
 
 Array = NDArray[np.float64]
 
 _WINDOW = 9
 _DEGREE = 3
+_BLOCK = 27
+_QUANTILE = 0.25
 
 
 @dataclass(frozen=True)
@@ -50,7 +53,8 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
     """Estimate the standard deviation of the fast noise on a smooth signal.
 
     A cubic is fitted around every sample; what it leaves, corrected for what it takes of noise
-    with that spectrum, is the noise.  The median over 40 stretches keeps steps out.
+    with that spectrum, is the noise.  Of the powers in short blocks a low quantile is taken (and
+    corrected for being low), so that steps and transients stay out.
 
     Parameters
     ----------
@@ -66,8 +70,12 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
     kernel[_WINDOW // 2] += 1.0
     left = np.convolve(values, kernel, mode='valid')
     shape = np.convolve(kernel, [1.0, -1.0]) / np.sqrt(2) if differenced else kernel
-    gain = float(np.sum(shape**2))
-    parts = np.array_split(left, min(40, left.size // _WINDOW))
+    spectrum = np.abs(np.fft.rfft(shape, 512)) ** 2
+    freedom = _BLOCK * np.mean(spectrum) ** 2 / np.mean(spectrum**2)
+    parts = np.array_split(left, left.size // _BLOCK)
     power = np.array([np.mean(part**2) for part in parts])
-    moving = power[power > 1e-6 * np.max(power)] if np.max(power) > 0 else power
-    return float(np.sqrt(np.median(moving) / gain))
+    moving = power[power > 1e-3 * np.median(power)]
+    if moving.size == 0:
+        return 0.0
+    low = chi2.ppf(_QUANTILE, freedom) / freedom
+    return float(np.sqrt(np.quantile(moving, _QUANTILE) / low / np.sum(shape**2)))

@@ -1,0 +1,11 @@
+"""Batch estimation: output-error least squares, and swarms with a least-squares polish."""
+
+from motor_sysid.estimation.batch.least_squares import fit
+from motor_sysid.estimation.batch.problem import Chain, make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch.result import FitResult
+from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
+
+__all__ = [
+    'Chain', 'FitResult', 'Problem', 'Weighting', 'coloured', 'fit', 'make_chain',
+    'observed_outputs', 'white',
+]  # fmt: skip

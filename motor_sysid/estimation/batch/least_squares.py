@@ -1,0 +1,201 @@
+"""Output-error least squares: Levenberg-Marquardt whose every step is one block of simulations.
+
+The Jacobian is made of central differences, 15 parameters to a block of 32 simulations, and a
+second block tries 26 combinations of damping and step length at once.
+(Marquardt 1963, doi:10.1137/0111030; Ljung 1999, sections 7.2 and 10.2.)
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.estimation.batch.problem import Linearization, Problem
+from motor_sysid.estimation.batch.result import FitResult
+from motor_sysid.estimation.batch.uncertainty import describe
+from motor_sysid.estimation.batch.weighting import Weighting, white
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+_DAMPINGS = (0.0, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1e3, 1e4)
+_LENGTHS = (1.0, 0.4)
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where a minimization ended.
+
+    Attributes
+    ----------
+    z, cost:
+        Vector and sum of squares.
+    converged:
+        Whether it stopped because nothing was left to gain.
+    iterations, simulations:
+        Effort.
+    """
+
+    z: Array
+    cost: float
+    converged: bool
+    iterations: int
+    simulations: int
+
+
+def fit(
+    problem: Problem,
+    weighting: Weighting | None = None,
+    *,
+    start: Array | None = None,
+    reweight: int = 3,
+    floor: Array | float = 1e-12,
+    iterations: int = 30,
+    tolerance: float = 1e-7,
+) -> FitResult:
+    """Fit a model to data.
+
+    Parameters
+    ----------
+    problem:
+        Model and data.
+    weighting:
+        Noise model to begin with; by default white, as large as the measured signals.
+    start:
+        (d,) start vector; by default the model's own values.
+    reweight:
+        How often the noise is set to the RMS error of each output and the fit repeated: the
+        maximum-likelihood estimate for white noise of unknown size.  With 0 the given weighting
+        stays.
+    floor:
+        (n_y,) smallest standard deviation that an output's error may be given.
+    iterations, tolerance:
+        Most steps of one minimization; smallest relative decrease that is worth a further step.
+    """
+    if weighting is None:
+        weighting = white([s.measured - s.measured.mean(axis=0) for s in problem.stretches])
+    solution = minimize(problem, weighting, start=start, iterations=iterations, tolerance=tolerance)
+    simulations, steps = solution.simulations, solution.iterations
+    for _ in range(reweight):
+        fresh = white(problem.residuals(solution.z, weighting), floor)
+        if np.all(np.abs(np.log(fresh.sigma / weighting.sigma)) < 0.02):
+            break
+        weighting = fresh
+        solution = minimize(
+            problem, weighting, start=solution.z, iterations=iterations, tolerance=tolerance
+        )
+        simulations += solution.simulations
+        steps += solution.iterations
+    return _result(problem, weighting, solution, simulations, steps)
+
+
+def minimize(
+    problem: Problem,
+    weighting: Weighting,
+    *,
+    start: Array | None = None,
+    iterations: int = 30,
+    tolerance: float = 1e-7,
+) -> Solution:
+    """Minimize the weighted sum of squares by damped Gauss-Newton steps inside the box."""
+    lower, upper = problem.box()
+    z = np.clip(problem.vector() if start is None else start, lower, upper)
+    cost, simulations = np.inf, 0
+    for iteration in range(1, iterations + 1):
+        near = problem.linearize(z)
+        gradient, curvature, here = normal_equations(near, weighting)
+        cost = min(cost, here)
+        trials = _trials(z, gradient, curvature, lower, upper, problem.reach())
+        costs = problem.costs(trials, weighting, near)
+        simulations += 2 * z.size + 1 + len(trials)
+        best = int(np.argmin(costs))
+        if not costs[best] < cost:
+            return Solution(z, cost, bool(np.isfinite(cost)), iteration, simulations)
+        gain = (cost - costs[best]) / cost if np.isfinite(cost) else 1.0
+        z, cost = trials[best], float(costs[best])
+        if gain < tolerance:
+            return Solution(z, cost, True, iteration, simulations)
+    return Solution(z, cost, False, iterations, simulations)
+
+
+def normal_equations(
+    near: Sequence[Linearization], weighting: Weighting
+) -> tuple[Array, Array, float]:
+    """Return gradient (d,), curvature (d, d) and sum of squares, initial states at their best."""
+    size = near[0].slope.shape[2]
+    gradient, curvature, cost = np.zeros(size), np.zeros((size, size)), 0.0
+    for one in near:
+        both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
+        rest = weighting.removed(both, one.start)
+        product = rest.T @ rest
+        curvature += product[:size, :size]
+        gradient += product[:size, size]
+        cost += float(product[size, size])
+    return gradient, curvature, cost if np.isfinite(cost) else np.inf
+
+
+def _trials(
+    z: Array, gradient: Array, curvature: Array, lower: Array, upper: Array, reach: Array
+) -> Array:
+    """Return candidate vectors: steps of every damping and length, kept inside the box."""
+    held = ((z <= lower) & (gradient < 0)) | ((z >= upper) & (gradient > 0))
+    usable = (np.diag(curvature) > 0) & np.isfinite(gradient)
+    moving = np.flatnonzero(~held & usable)
+    if moving.size == 0 or not np.all(np.isfinite(curvature)):
+        return z[np.newaxis, :]
+    scale = np.sqrt(np.diag(curvature)[moving])
+    h = curvature[np.ix_(moving, moving)] / np.outer(scale, scale)
+    g = gradient[moving] / scale
+    steps = []
+    for damping in _DAMPINGS:
+        step = np.linalg.lstsq(h + damping * np.eye(moving.size), g, rcond=1e-12)[0] / scale
+        steps += [length * step for length in _LENGTHS]
+    trials = np.repeat(z[np.newaxis, :], len(steps), axis=0)
+    trials[:, moving] += np.clip(steps, -reach[moving], reach[moving])
+    return np.clip(trials, lower, upper)
+
+
+def _result(
+    problem: Problem, weighting: Weighting, solution: Solution, simulations: int, steps: int
+) -> FitResult:
+    near = problem.linearize(solution.z)
+    residuals = [problem.settled(one, weighting) for one in near]
+    predictions = [s.measured - r for s, r in zip(problem.stretches, residuals, strict=True)]
+    spread = describe(problem, solution.z, weighting, near)
+    model = problem.model_at(solution.z)
+    sigmas = {p.name: float(s) for p, s in zip(problem.free, spread.sigma, strict=True)}
+    rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
+    return FitResult(
+        model=model.with_estimates({}, sigmas),
+        success=solution.converged,
+        reason=_reason(solution),
+        cost=solution.cost,
+        weighting=weighting,
+        noise=dict(zip(problem.outputs, rms.tolist(), strict=True)),
+        residuals=tuple(residuals),
+        predictions=tuple(predictions),
+        covariance=spread.covariance,
+        unidentifiable=spread.unidentifiable,
+        warnings=_warnings(model),
+        simulations=simulations,
+        iterations=steps,
+        vector=solution.z,
+    )
+
+
+def _reason(solution: Solution) -> str:
+    if not np.isfinite(solution.cost):
+        return 'the model cannot be simulated with these parameters; check start values and units'
+    if solution.converged:
+        return f'converged after {solution.iterations} steps'
+    return f'stopped after {solution.iterations} steps without converging; raise `iterations`'
+
+
+def _warnings(model: Model) -> tuple[str, ...]:
+    return tuple(
+        f'{p.name} = {p.value:.4g} {p.unit} sits on its bound ({p.lower:.3g} to {p.upper:.3g}); '
+        'widen the box, or take the effect that it belongs to out of the model'
+        for p in model.parameters.free
+        if p.on_bound
+    )

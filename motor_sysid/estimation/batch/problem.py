@@ -1,0 +1,352 @@
+"""Output error of a model over records, as a function of a scaled vector: what a fit minimizes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.weighting import Weighting
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.parameters import Parameter
+from motor_sysid.physics.rollout import Drive, Program
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+DIFFERENCE_STEP = 1e-4
+"""Step of central differences in scaled coordinates: error below 4e-6 with measured position."""
+
+_REST_TIME = 0.02
+_START_SPAN = 21
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """One uninterrupted piece of data that the model is run over from a fresh core state.
+
+    Attributes
+    ----------
+    record:
+        Uniformly sampled record.
+    drive:
+        What drives the model.
+    measured:
+        (N, n_y) measured outputs.
+    state:
+        (n,) initial state read from the data.
+    open_states:
+        Indices of the states whose initial value is uncertain; the best ones are used.
+    state_size:
+        (n,) size of a small change of each state.
+    scored:
+        Whether its error counts; a stretch before it may be run only for its memory.
+    """
+
+    record: Record
+    drive: Drive
+    measured: Array
+    state: Array
+    open_states: tuple[int, ...]
+    state_size: Array
+    scored: bool = True
+
+
+Chain = tuple[Stretch, ...]
+"""Stretches that follow each other in time: the memory of effects carries on."""
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """One scored stretch at one vector.
+
+    Attributes
+    ----------
+    residual:
+        (N, n_y) measured minus simulated.
+    slope:
+        (N, n_y, d) derivative of the simulated outputs by the vector.
+    start:
+        (N, n_y, m) derivative by the open initial states.
+    """
+
+    residual: Array
+    slope: Array
+    start: Array
+
+
+def observed_outputs(kind: Motor, records: Sequence[Record]) -> tuple[str, ...]:
+    """Return the outputs that the error is taken of.
+
+    These are the signals of the motor kind that every record has; position only where there is no
+    speed, for a speed is mostly its derivative.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    have = [o.signal for o in kind.outputs if all(o.signal in r for r in records)]
+    if 'speed' in have and 'position' in have:
+        have.remove('position')
+    if not have:
+        wanted = ', '.join(o.signal for o in kind.outputs)
+        raise UserError(f'a {kind.title} needs one of {wanted}; name the topic or column for it')
+    return tuple(have)
+
+
+def make_chain(
+    record: Record,
+    kind: Motor,
+    outputs: Sequence[str],
+    *,
+    horizon: float | None = None,
+    train_fraction: float = 1.0,
+    scored: str = 'all',
+) -> Chain:
+    """Cut a record into stretches.
+
+    Parameters
+    ----------
+    record:
+        The record; resampled if not uniform.
+    kind, outputs:
+        Motor kind and the outputs that the error is taken of.
+    horizon:
+        Length of a stretch in s: the model is run that far ahead of the measured state; None runs
+        it freely over the whole.
+    train_fraction:
+        Where the held-back part begins, as a fraction of the record.
+    scored:
+        ``all``; or ``train`` or ``validate``: the part before or after `train_fraction` counts.
+    """
+    even = record.uniform()
+    cut = round(train_fraction * len(even))
+    parts = [(0, cut, scored != 'validate'), (cut, len(even), scored != 'train')]
+    chain: list[Stretch] = []
+    for first, last, counts in parts:
+        if last - first < 2 or (first > 0 and scored == 'train'):
+            continue
+        length = last - first if horizon is None else max(int(horizon / even.dt), 20)
+        pieces = max(round((last - first) / length), 1)
+        edges = np.linspace(first, last, pieces + 1).astype(int)
+        chain += [
+            _stretch(even, int(a), int(b), kind, outputs, counts)
+            for a, b in zip(edges[:-1], edges[1:], strict=True)
+        ]
+    return tuple(chain)
+
+
+def _stretch(
+    even: Record, first: int, last: int, kind: Motor, outputs: Sequence[str], scored: bool
+) -> Stretch:
+    """Prepare rows first to last; a stretch that begins at rest starts from rest."""
+    record = even.slice(first, last)
+    drive = Drive.of(record, kind)
+    measured = np.column_stack([record[name] for name in outputs])
+    speed = measured_speed(even)
+    top = float(np.max(np.abs(speed), initial=1e-12))
+    head = speed[first : first + max(int(_REST_TIME / even.dt), 3)]
+    at_rest = bool(np.all(np.abs(head) <= 1e-3 * top))
+    state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
+    still_open: list[int] = []
+    for j, name in enumerate(kind.states):
+        if name == 'omega' and not at_rest:
+            state[j], size[j] = _value_at(speed, first), 1e-3 * top
+            still_open.append(j)
+        elif name == 'theta' and 'position' in record:
+            state[j] = _value_at(even['position'], first)
+            if 'position' in outputs:
+                size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
+                still_open.append(j)
+        elif name == 'i' and 'current' in record and not at_rest:
+            state[j] = _value_at(even['current'], first)
+    return Stretch(record, drive, measured, state, tuple(still_open), size, scored)
+
+
+def _value_at(values: Array, index: int) -> float:
+    """Value of a smooth noisy signal at a sample: a parabola through its surroundings."""
+    first = max(index - _START_SPAN // 2, 0)
+    around = values[first : first + _START_SPAN]
+    degree = 2 if around.size > 8 else 1
+    fitted = np.polynomial.Polynomial.fit(np.arange(first, first + around.size), around, degree)
+    return float(fitted(index))
+
+
+class Problem:
+    """Free parameters of a model against chains of stretches.
+
+    Parameters
+    ----------
+    model:
+        The model; its free parameters are sought, from their values.
+    chains:
+        Data; the errors of their scored stretches count.
+    outputs:
+        Signals that the error is taken of.
+    substeps:
+        Integration steps per sample.
+    threads:
+        Blocks of 32 simulations that may run at the same time.
+
+    Notes
+    -----
+    The vector ``z`` holds the free parameters: the logarithm where the box is positive, otherwise
+    the value over its size.  Uncertain initial states are not part of it: their best values are
+    found by projection (Golub and Pereyra 1973), at the price of two simulations for each state.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        chains: Sequence[Chain],
+        outputs: Sequence[str],
+        *,
+        substeps: int = 1,
+        threads: int = 2,
+    ) -> None:
+        self.model, self.chains, self.outputs = model, tuple(chains), tuple(outputs)
+        self.substeps, self.threads = substeps, threads
+        self.program = Program.of(model, outputs)
+        self.free = model.parameters.free
+        self.size = np.array([_size(p) for p in self.free])
+        self.dimension = len(self.free)
+        self.stretches = [s for chain in self.chains for s in chain if s.scored]
+        self._open = sorted({j for s in self.stretches for j in s.open_states})
+
+    def vector(self) -> Array:
+        """Return z of the model as it is."""
+        return np.array(
+            [np.log(p.value) if p.logarithmic else p.value / size for p, size in self._sized()]
+        )
+
+    def box(self) -> tuple[Array, Array]:
+        """Return the lower and upper bounds of z."""
+        lower = [np.log(p.lower) if p.logarithmic else p.lower / s for p, s in self._sized()]
+        upper = [np.log(p.upper) if p.logarithmic else p.upper / s for p, s in self._sized()]
+        return np.array(lower), np.array(upper)
+
+    def reach(self) -> Array:
+        """Return (d,) largest step of one iteration: a factor of 7 for positive parameters."""
+        return np.array([2.0 if p.logarithmic else np.inf for p in self.free])
+
+    def values(self, z: Array) -> dict[str, Array]:
+        """Return every parameter name to (P,) values for (P, d) vectors."""
+        table = {p.name: np.full(len(z), p.value) for p in self.model.parameters}
+        for column, (p, size) in enumerate(self._sized()):
+            moved = np.exp(z[:, column]) if p.logarithmic else z[:, column] * size
+            table[p.name] = np.clip(moved, p.lower, p.upper)
+        return table
+
+    def slope(self, z: Array) -> Array:
+        """Return (d,) derivative of each free parameter by its coordinate."""
+        now = self.values(z[np.newaxis, :])
+        return np.array([now[p.name][0] if p.logarithmic else s for p, s in self._sized()])
+
+    def model_at(self, z: Array) -> Model:
+        """Return the model with the parameters of one vector."""
+        return self.model.with_values(
+            {name: float(v[0]) for name, v in self.values(z[np.newaxis, :]).items()}
+        )
+
+    def simulate(self, z: Array, shifts: Array | None = None) -> list[Array]:
+        """Return for each scored stretch the outputs (N, n_y, P) of (P, d) vectors.
+
+        Parameters
+        ----------
+        z:
+            (P, d) vectors.
+        shifts:
+            (P, n) changes of the initial state in units of the stretch's state size.
+        """
+        table, results = self.values(z), []
+        if not table or len(z) == 0:
+            return []
+        for chain in self.chains:
+            runs = self.program.run_chain(
+                table,
+                [stretch.drive for stretch in chain],
+                [s.state if shifts is None else s.state + shifts * s.state_size for s in chain],
+                substeps=self.substeps,
+                threads=self.threads,
+            )
+            results += [run for run, stretch in zip(runs, chain, strict=True) if stretch.scored]
+        return results
+
+    def linearize(self, z: Array, *, parameters: bool = True) -> list[Linearization]:
+        """Return residuals and derivatives of each scored stretch at one vector.
+
+        Parameters
+        ----------
+        z:
+            (d,) vector.
+        parameters:
+            Whether derivatives by the vector are wanted; without, ``slope`` is empty.
+        """
+        d = self.dimension if parameters else 0
+        m = len(self._open)
+        count = 1 + 2 * d + 2 * m
+        cloud = np.repeat(z[np.newaxis, :], count, axis=0)
+        shifts = np.zeros((count, len(self.model.kind.states)))
+        lower, upper = self.box()
+        step = self.steps()
+        up, down = np.minimum(z + step, upper)[:d], np.maximum(z - step, lower)[:d]
+        for k in range(d):
+            cloud[1 + k, k] = up[k]
+            cloud[1 + d + k, k] = down[k]
+        for k, state in enumerate(self._open):
+            shifts[1 + 2 * d + 2 * k, state] = 1.0
+            shifts[2 + 2 * d + 2 * k, state] = -1.0
+        found = []
+        for stretch, run in zip(self.stretches, self.simulate(cloud, shifts), strict=True):
+            slope = (run[:, :, 1 : 1 + d] - run[:, :, 1 + d : 1 + 2 * d]) / (up - down)
+            tail = run[:, :, 1 + 2 * d :]
+            wanted = [k for k, state in enumerate(self._open) if state in stretch.open_states]
+            start = 0.5 * (tail[:, :, 0::2] - tail[:, :, 1::2])[:, :, wanted]
+            found.append(Linearization(stretch.measured - run[:, :, 0], slope, start))
+        return found
+
+    def steps(self) -> Array:
+        """Return (d,) step of the central differences."""
+        return np.full(self.dimension, DIFFERENCE_STEP)
+
+    def costs(self, z: Array, weighting: Weighting, at: Sequence[Linearization]) -> Array:
+        """Return (P,) weighted sums of squares of (P, d) vectors; infinite where not a number.
+
+        `at` is a linearization near by, whose initial-state directions are used.
+        """
+        total = np.zeros(len(z))
+        for stretch, near, run in zip(self.stretches, at, self.simulate(z), strict=True):
+            with np.errstate(over='ignore', invalid='ignore'):
+                error = weighting.flat(stretch.measured[:, :, np.newaxis] - run)
+                total += np.einsum('tk,tk->k', error, error)
+                if near.start.shape[2]:
+                    along = weighting.basis(near.start).T @ error
+                    total -= np.einsum('mk,mk->k', along, along)
+        return np.where(np.isfinite(total), total, np.inf)
+
+    def residuals(self, z: Array, weighting: Weighting) -> list[Array]:
+        """Return for each scored stretch (N, n_y) measured minus simulated, best initial state."""
+        return [self.settled(near, weighting) for near in self.linearize(z, parameters=False)]
+
+    @staticmethod
+    def settled(near: Linearization, weighting: Weighting) -> Array:
+        """Return (N, n_y) residual after the open initial states are set to their best values."""
+        if near.start.shape[2] == 0:
+            return near.residual
+        change = np.linalg.lstsq(
+            weighting.flat(near.start), weighting.flat(near.residual[:, :, np.newaxis]), rcond=None
+        )[0]
+        rest: Array = near.residual - near.start @ change[:, 0]
+        return rest
+
+    def _sized(self) -> list[tuple[Parameter, float]]:
+        return list(zip(self.free, self.size.tolist(), strict=True))
+
+
+def _size(parameter: Parameter) -> float:
+    reach = 1e-3 * (parameter.upper - parameter.lower)
+    return max(abs(parameter.value), min(reach, 1.0)) if not parameter.logarithmic else 1.0
