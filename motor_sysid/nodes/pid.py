@@ -56,6 +56,10 @@ class PidSettings:
         limit = max(self.voltage_limit, 1e-9)
         return PidGains(self.kp, self.ki, self.kd, self.derivative_filter, -limit, limit)
 
+    def route(self) -> tuple[str, float, float]:
+        """Return what the profile is made from; when it changes, the profile starts anew."""
+        return self.profile, self.top_speed, self.profile_duration
+
     def make_profile(self) -> Profile | None:
         """Return the profile, None where the reference comes from the topic."""
         if self.profile == OFF:
@@ -82,6 +86,7 @@ class PidNode(LoopNode):
         self.settings = Settings(self, PidSettings)
         self._pid = Pid(self.settings.value.gains())
         self._profile = self.settings.value.make_profile()
+        self._route = self.settings.value.route()
         self._enabled = self._profile is None or self.settings.value.autostart
         self._start: int | None = None
         self._last: int | None = None
@@ -162,11 +167,12 @@ class PidNode(LoopNode):
 
     def _change(self, settings: PidSettings) -> None:
         self._pid = self._pid.with_gains(settings.gains())
-        before, self._profile = self._profile, settings.make_profile()
-        if (before is None) != (self._profile is None):
-            self._disconnect_reference()
-            self._connect_reference()
-        self._start = None
+        if settings.route() == self._route:
+            return
+        self._route = settings.route()
+        self._disconnect_reference()
+        self._profile, self._start = settings.make_profile(), None
+        self._connect_reference()
 
     def _disconnect_reference(self) -> None:
         if self._given is not None:

@@ -57,13 +57,15 @@ class StampJoin:
         How many there are.
     limit:
         Most messages that wait on one topic.
+    tolerance:
+        Largest difference of stamps (ns) that still counts as equal; a sample bears the newest.
     """
 
-    def __init__(self, topics: int, limit: int = 4096) -> None:
+    def __init__(self, topics: int, limit: int = 4096, tolerance: int = 0) -> None:
         self.counts = JoinCounts()
         self._waiting: tuple[deque[Row], ...] = tuple(deque() for _ in range(topics))
         self._last = [-(2**63)] * topics
-        self._limit = limit
+        self._limit, self._tolerance = limit, tolerance
 
     def push(self, topic: int, stamp: int, values: Values) -> None:
         """Take one message: its stamp in ns and its values."""
@@ -86,10 +88,10 @@ class StampJoin:
         while all(waiting):
             stamps = [queue[0][0] for queue in waiting]
             newest = max(stamps)
-            if min(stamps) == newest:
+            if min(stamps) >= newest - self._tolerance:
                 rows.append((newest, _flat([queue.popleft()[1] for queue in waiting])))
             else:
-                self._drop_before(newest)
+                self._drop_before(newest - self._tolerance)
         self.counts.joined += len(rows)
         return rows
 

@@ -1,0 +1,225 @@
+"""From raw messages to joined samples to estimates, without ROS: the identifier's working part.
+
+The live node and the replay of a bag both use this, so that the same messages give the same
+estimates, bit for bit.
+"""
+
+from collections import defaultdict
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.stream import EstimateStream, Event
+from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.recording.sources import Source
+from motor_sysid.signals.join import StampJoin
+from motor_sysid.signals.record import Provenance, Record
+
+Array = NDArray[np.float64]
+
+SECOND = 1_000_000_000
+VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
+
+DEFAULT_SOURCES = (
+    Source('voltage', topic='motor/voltage', type=VECTOR, field='vector.x'),
+    Source('current', topic='motor/current', type=VECTOR, field='vector.x'),
+    Source('speed', topic='motor/speed', type=JOINT, field='velocity[0]'),
+    Source('position', topic='motor/speed', type=JOINT, field='position[0]', optional=True),
+)
+"""The package's own topics."""
+
+
+@dataclass(frozen=True)
+class TopicPlan:
+    """One topic to listen to and the signals that it carries."""
+
+    topic: str
+    message_type: str
+    stamp: tuple[str, ...]
+    sources: tuple[Source, ...]
+
+    def reader(self) -> FieldReader:
+        """Return a reader of the stamp's parts, then of the signals."""
+        return FieldReader(
+            self.message_type, (*self.stamp, *(source.field for source in self.sources))
+        )
+
+
+def plan_topics(sources: Sequence[Source], wanted: Collection[str]) -> tuple[TopicPlan, ...]:
+    """Return the topics that carry the wanted signals, in the order of the sources.
+
+    Raises
+    ------
+    UserError
+        If a wanted signal has no source, or one that cannot be read live.
+    """
+    chosen: dict[str, Source] = {}
+    for source in sources:
+        if source.signal in wanted and source.topic:
+            chosen.setdefault(source.signal, source)
+    for signal in wanted:
+        if signal not in chosen:
+            raise UserError(f'no topic carries `{signal}`; name one in the msg_config file')
+    grouped: dict[tuple[str, str, str], list[Source]] = defaultdict(list)
+    for source in chosen.values():
+        if not source.type:
+            raise UserError(f'`{source.topic}` needs its message type; add `type:` to its source')
+        grouped[source.topic, source.type, source.stamp].append(source)
+    return tuple(
+        TopicPlan(topic, kind, _stamp_paths(stamp), tuple(members))
+        for (topic, kind, stamp), members in grouped.items()
+    )
+
+
+def _stamp_paths(stamp: str) -> tuple[str, ...]:
+    if stamp == 'receive':
+        return ()
+    base = 'header.stamp' if stamp == 'header' else stamp
+    return f'{base}.sec', f'{base}.nanosec'
+
+
+class Window:
+    """The last samples, in a ring of fixed size.
+
+    Parameters
+    ----------
+    capacity:
+        Samples kept.
+    width:
+        Values of one sample.
+    """
+
+    def __init__(self, capacity: int, width: int) -> None:
+        self._stamps = np.zeros(capacity, dtype=np.int64)
+        self._values = np.zeros((capacity, width))
+        self._end = 0
+        self._count = 0
+
+    def __len__(self) -> int:
+        """Return the number of samples held."""
+        return self._count
+
+    def append(self, stamps: NDArray[np.int64], values: Array) -> None:
+        """Add (K,) stamps and (K, width) values."""
+        capacity = self._stamps.size
+        stamps, values = stamps[-capacity:], values[-capacity:]
+        rows = (self._end + np.arange(stamps.size)) % capacity
+        self._stamps[rows], self._values[rows] = stamps, values
+        self._end = int(rows[-1] + 1) % capacity
+        self._count = min(self._count + stamps.size, capacity)
+
+    def clear(self) -> None:
+        """Forget all samples."""
+        self._count = self._end = 0
+
+    def last(self) -> tuple[NDArray[np.int64], Array]:
+        """Return the samples in order: (N,) stamps in ns, (N, width) values."""
+        rows = (self._end - self._count + np.arange(self._count)) % self._stamps.size
+        return self._stamps[rows], self._values[rows]
+
+
+@dataclass
+class Refused:
+    """Samples that were complete but not used, because a value was not a finite number."""
+
+    not_finite: int = 0
+
+
+class Pipeline:
+    """Joins the topics, converts to SI, and feeds the estimator.
+
+    Parameters
+    ----------
+    plans:
+        The topics.
+    stream:
+        The estimator; it is given the inputs and outputs by name.
+    inputs, outputs:
+        Signals that the estimator is given.
+    window:
+        Samples kept for a refit.
+    tolerance:
+        Largest difference of the stamps of one sample, ns.
+
+    Attributes
+    ----------
+    signals:
+        Every signal of the window, in order.
+    """
+
+    def __init__(
+        self,
+        plans: Sequence[TopicPlan],
+        stream: EstimateStream,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        window: int = 20_000,
+        tolerance: int = 0,
+    ) -> None:
+        self._readers = [plan.reader() for plan in plans]
+        self._stamped = [len(plan.stamp) for plan in plans]
+        self.join = StampJoin(len(plans), tolerance=tolerance)
+        self.stream, self.refused = stream, Refused()
+        self._sources = tuple(source for plan in plans for source in plan.sources)
+        self.signals = tuple(source.signal for source in self._sources)
+        self._convert = tuple(
+            k for k, source in enumerate(self._sources) if source != Source(
+                source.signal, topic=source.topic, type=source.type, field=source.field,
+                optional=source.optional, stamp=source.stamp,
+            )
+        )  # fmt: skip
+        self._inputs = [self.signals.index(name) for name in inputs]
+        self._outputs = [self.signals.index(name) for name in outputs]
+        self._used = [*self._inputs, *self._outputs]
+        self.window = Window(window, len(self.signals))
+
+    def push(self, topic: int, data: bytes, received: int) -> None:
+        """Take one message as raw CDR, received at that time in ns."""
+        values = self._readers[topic].read(data)
+        if self._stamped[topic]:
+            stamp = int(values[0]) * SECOND + int(values[1])
+            self.join.push(topic, stamp, values[2:])
+        else:
+            self.join.push(topic, received, values)
+
+    def advance(self) -> list[Event]:
+        """Work on the samples that are complete; return what is to be published."""
+        rows = self.join.pop()
+        if not rows:
+            return []
+        stamps = np.array([row[0] for row in rows], dtype=np.int64)
+        values = np.array([row[1] for row in rows], dtype=np.float64)
+        for k in self._convert:
+            values[:, k] = self._sources[k].to_si(values[:, k])
+        good = np.isfinite(values[:, self._used]).all(axis=1)
+        if not good.all():
+            self.refused.not_finite += int(good.size - good.sum())
+            stamps, values = stamps[good], values[good]
+        if not stamps.size:
+            return []
+        self.window.append(stamps, values)
+        return self.stream.feed(stamps, values[:, self._inputs], values[:, self._outputs])
+
+    def reset(self) -> None:
+        """Start anew with the next sample."""
+        self.stream.reset()
+        self.window.clear()
+
+    def record(self, seconds: float = math.inf) -> Record | None:
+        """Return the last samples as a record; None if there are too few or time falls back."""
+        stamps, values = self.window.last()
+        keep = stamps > (stamps[-1] - seconds * SECOND if stamps.size else 0)
+        stamps, values = stamps[keep], values[keep]
+        if stamps.size < 2 or np.any(np.diff(stamps) <= 0):
+            return None
+        finite = [k for k in range(values.shape[1]) if np.isfinite(values[:, k]).all()]
+        return Record(
+            (stamps - stamps[0]) / SECOND,
+            {self.signals[k]: values[:, k] for k in finite},
+            {self.signals[k]: self._sources[k].si_unit() for k in finite},
+            Provenance('live topics'),
+        )
