@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import ARGUMENTS, Effect
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.exponential import substep_matrices
 from motor_sysid.physics.kernel import run_block
 from motor_sysid.physics.lanes import (
     compile_effect,
@@ -283,7 +284,7 @@ class Program:
                 late = named[f'{one.key}.{one.card.delay}']
                 delay = late.copy() if delay.size == 0 else delay + late
         with np.errstate(all='ignore'):
-            matrices = _exponential_matrices(*self.kind.matrices(named), step)
+            matrices = substep_matrices(*self.kind.matrices(named), step)
         return Workspace(matrices, buffer, delay)
 
     def advance(
@@ -435,43 +436,6 @@ class Stepper:
         """Signal to value, now: sensor offsets included, without noise and differencing."""
         state = self.state
         return {o.signal: state[o.state] + self._biases[o.signal] for o in self.model.kind.outputs}
-
-
-def _exponential_matrices(
-    a: Array, b: Array, g: Array, h: float
-) -> tuple[Array, Array, Array, Array]:
-    """Return exp(Ah), h phi1 B, h phi1 G, h phi2 G, lane last, for (W, n, n), (W, n, k) arrays.
-
-    The block matrix ``[[Ah, hI, 0], [0, 0, I], [0, 0, 0]]`` has exp(Ah), h phi1(Ah) and
-    h phi2(Ah) in the first row of its exponential.
-    """
-    lanes, n = a.shape[0], a.shape[1]
-    block = np.zeros((lanes, 3 * n, 3 * n))
-    block[:, :n, :n] = a * h
-    block[:, :n, n : 2 * n] = h * np.eye(n)
-    block[:, n : 2 * n, 2 * n :] = np.eye(n)
-    whole = _exponential(block)
-    phi1, phi2 = whole[:, :n, n : 2 * n], whole[:, :n, 2 * n :]
-    parts = (whole[:, :n, :n], phi1 @ b, phi1 @ g, phi2 @ g)
-    turned = [np.ascontiguousarray(np.moveaxis(part, 0, 2)) for part in parts]
-    return turned[0], turned[1], turned[2], turned[3]
-
-
-def _exponential(block: Array) -> Array:
-    """Matrix exponential of (W, k, k) by scaling, a Taylor series of degree 14, and squaring."""
-    size = np.max(np.sum(np.abs(block), axis=2))
-    if not np.isfinite(size) or size > 1e12:
-        return np.full_like(block, np.nan)
-    squarings = max(int(np.ceil(np.log2(max(size, 1e-300)))) + 2, 0)
-    scaled = block / 2.0**squarings
-    unit = np.broadcast_to(np.eye(block.shape[1]), block.shape)
-    total, term = unit + scaled, scaled
-    for k in range(2, 15):
-        term = term @ scaled / k
-        total = total + term
-    for _ in range(squarings):
-        total = total @ total
-    return total
 
 
 def _integers(values: Sequence[int]) -> NDArray[np.int64]:
