@@ -1,0 +1,196 @@
+'use strict';
+/* State of the page and what happens when it changes. */
+
+const page = {view: null, step: 0, ghost: 'previous', traces: null, where: null, candidates: null, timer: null};
+
+const ghostOf = (step) =>
+  (page.ghost === 'none' ? null : page.ghost === 'previous' ? (step > 0 ? step - 1 : null)
+    : Number(page.ghost) === step ? null : Number(page.ghost));
+
+function pick(step, announce = true) {
+  const {view} = page;
+  page.step = Math.min(view.steps.length - 1, Math.max(0, step));
+  drawNow(view, page.step);
+  drawLadder(view, page.step, pickByHand);
+  drawStepper(view, page.step, pickByHand);
+  page.traces.show({step: page.step, ghost: ghostOf(page.step)});
+  page.where.show(page.step);
+  page.candidates.show(page.step);
+  drawModels(view, page.step, pickByHand, change);
+  drawParameters(view, page.step);
+  drawGhostKey();
+  if (announce) say(page.step);
+}
+
+function pickByHand(step) {
+  stopPlaying();
+  pick(step);
+  try {
+    history.replaceState(null, '', `#${page.view.steps[page.step].name}`);
+  } catch {
+    /* a page without an address of its own cannot have one with a fragment */
+  }
+}
+
+function say(step) {
+  const s = page.view.steps[step];
+  const before = step ? page.view.steps[step - 1] : null;
+  $('#status').textContent = before
+    ? `${before.name} → ${s.name}: ${percent(before.validation_error_percent)} → ${percent(s.validation_error_percent)}`
+    : `${s.name}: error ${percent(s.validation_error_percent)}`;
+}
+
+/* --- playing the ladder ------------------------------------------------------------------ */
+
+function stopPlaying() {
+  clearInterval(page.timer);
+  page.timer = null;
+  $('#play').textContent = '▶ Watch the error fall';
+}
+
+function play() {
+  if (page.timer) {
+    stopPlaying();
+    return;
+  }
+  pick(0);
+  $('#play').textContent = '❚❚ Stop';
+  page.timer = setInterval(() => {
+    pick(page.step + 1);
+    if (page.step === page.view.steps.length - 1) stopPlaying();
+  }, 1600);
+}
+
+/* --- controls ---------------------------------------------------------------------------- */
+
+function fillControls() {
+  const {view, traces} = page;
+  const judged = view.records.filter((r) => r.role !== 'train');
+  const stretches = view.records.map((r, k) => [r, k]);
+  const press = (button) => $('#stretches').querySelectorAll('button').forEach((b) =>
+    b.setAttribute('aria-pressed', String(b === button)));
+  const choice = (text, from, to, on) => el('button', {type: 'button', 'aria-pressed': String(on),
+    onclick: (event) => {
+      press(event.currentTarget);
+      traces.go(from, to);
+    }}, text);
+  const several = view.records.length > 1;
+  $('#stretches').replaceChildren(...(several
+    ? [choice('all', ...traces.all(), false), ...stretches.map(([r, k]) =>
+      choice(traces.stretchName(r, k), r.start, r.end, judged.length ? r === judged[0] && judged.length === 1 : false))]
+    : []));
+  $('#panels').replaceChildren(...view.panels.slice(1).map((p) => el('label', {},
+    el('input', {type: 'checkbox', checked: p.shown, onchange: (e) => traces.toggle(p.key, e.target.checked)}), p.title)));
+  const outputs = traces.errorOutputs();
+  $('#errors').hidden = outputs.length < 2;
+  $('#error-of').replaceChildren(...outputs.map((o) =>
+    el('option', {value: o, selected: o === view.primary}, o.replace(/_/g, ' '))));
+  $('#error-of').onchange = (e) => traces.show({errorOf: e.target.value});
+  fillGhosts();
+}
+
+function fillGhosts() {
+  const {view} = page;
+  const names = view.steps.map((s, k) => el('option', {value: k}, s.name));
+  $('#ghost').replaceChildren(el('option', {value: 'previous'}, 'previous model'), ...names, el('option', {value: 'none'}, 'none'));
+  $('#ghost').value = page.ghost;
+  $('#ghost').onchange = (e) => {
+    page.ghost = e.target.value;
+    page.traces.show({ghost: ghostOf(page.step)});
+    drawGhostKey();
+  };
+  $('#ghost-key').hidden = view.steps.length < 2;
+}
+
+function drawGhostKey() {
+  const ghost = ghostOf(page.step);
+  $('#ghost-key').classList.toggle('off', ghost === null);
+  const {channels, primary} = page.view;
+  $('#noise-key').hidden = !(channels.find((c) => c.key === primary)?.sigma > 0);
+}
+
+function onKey(event) {
+  const free = event.target === document.body || event.target.closest('#plots');
+  if (!free || event.ctrlKey || event.metaKey || event.altKey) return;
+  if (event.key === 'n' || event.key === 'N') pickByHand(page.step + 1);
+  else if (event.key === 'p' || event.key === 'P') pickByHand(page.step - 1);
+  else page.traces.key(event);
+}
+
+function setTheme(dark) {
+  document.documentElement.dataset.theme = dark ? 'dark' : 'light';
+  readPalette();
+  if (!page.traces) return;
+  page.traces.recolor();
+  page.where.redraw();
+}
+
+const isDark = () => document.documentElement.dataset.theme === 'dark';
+
+function listen() {
+  const system = matchMedia('(prefers-color-scheme: dark)');
+  system.addEventListener('change', (event) => setTheme(event.matches));
+  $('#theme').onclick = () => setTheme(!isDark());
+  $('#back').onclick = () => pickByHand(page.step - 1);
+  $('#forward').onclick = () => pickByHand(page.step + 1);
+  $('#play').onclick = play;
+  $('#zoom').onclick = (event) => ({in: page.traces.zoomIn, out: page.traces.zoomOut,
+    reset: page.traces.reset}[event.target.dataset.zoom]?.());
+  document.addEventListener('keydown', onKey);
+  let width = 0;
+  new ResizeObserver(() => requestAnimationFrame(() => {
+    page.traces.resize();
+    if (document.body.clientWidth === width) return;
+    width = document.body.clientWidth;
+    drawLadder(page.view, page.step, pickByHand);
+    page.where.redraw();
+  })).observe($('#plots'));
+}
+
+/* --- actions: only where something answers ----------------------------------------------- */
+
+async function change(verb, effect) {
+  $('#status').textContent = `${verb === 'add' ? 'Adding' : 'Removing'} ${effect.replace(/_/g, ' ')} …`;
+  try {
+    const range = page.traces.range();
+    show(await act(verb, effect));
+    page.traces.go(...range);
+    pick(page.view.steps.length - 1);
+  } catch (error) {
+    $('#status').textContent = error.message;
+  }
+}
+
+function show(view) {
+  page.view = view;
+  page.traces = makeTraces(view);
+  page.where = makeWhere(view, page.traces.mark);
+  page.candidates = makeCandidates(view, change);
+  document.title = `motor_sysid ${view.actions ? 'workbench' : 'report'} · ${view.source}`;
+  $('#kind').textContent = view.actions ? 'workbench' : 'report';
+  $('#source').textContent = [view.source, view.motor.title, lengthText(view), view.held_out].join(' · ');
+  drawHeadline(view);
+  fillControls();
+}
+
+function lengthText(view) {
+  const seconds = view.records.reduce((sum, r) => sum + r.end - r.start, 0);
+  const rates = [...new Set(view.records.map((r) => digits(r.rate_hz)))];
+  return `${digits(seconds)} s at ${rates.join(', ')} Hz`;
+}
+
+async function start() {
+  setTheme(matchMedia('(prefers-color-scheme: dark)').matches);
+  try {
+    show(await loadView());
+  } catch (error) {
+    $('#headline').textContent = `This page cannot be shown: ${error.message}`;
+    throw error;
+  }
+  const asked = page.view.steps.findIndex((s) => `#${s.name}` === location.hash);
+  pick(asked >= 0 ? asked : page.view.first, false);
+  listen();
+  document.body.dataset.ready = 'true';
+}
+
+start();

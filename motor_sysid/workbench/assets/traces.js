@@ -1,0 +1,364 @@
+'use strict';
+/* Measured against model over time: uPlot panels with one zoom, one cursor, and marked moments. */
+
+const AXIS_WIDTH = 56;
+const RIGHT_GAP = 10;
+const TIME_AXIS = 28;
+const DASHES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
+
+function makeTraces(view) {
+  const time = f64(view.time);
+  const channels = Object.fromEntries(
+    view.channels.map((c) => [c.key, {...c, values: withGaps(f32(c.values))}]));
+  const regimes = view.regimes && {names: view.regimes.names, ids: u8(view.regimes.ids)};
+  const unpack = (table) =>
+    Object.fromEntries(Object.entries(table).map(([key, text]) => [key, withGaps(f32(text))]));
+  const steps = view.steps.map((s) => ({model: unpack(s.model), error: unpack(s.error)}));
+  const root = $('#plots');
+  const full = [time[0], time[time.length - 1]];
+  const shown = new Set(view.panels.filter((p) => p.shown).map((p) => p.key));
+  let home = view.focus;
+  let range = home;
+  let state = {step: 0, ghost: null, errorOf: view.primary};
+  let mark = null;
+  let plots = [];
+  let strip = null;
+
+  const errorOutputs = () => Object.keys(steps[0].error);
+  const nothing = () => new Array(time.length).fill(null);
+
+  /* What each panel draws: a title, a weight, and series of [label, values, style]. */
+  function panelSpecs() {
+    const specs = [];
+    view.panels.forEach((panel, index) => {
+      if (shown.has(panel.key)) specs.push(channelPanel(panel));
+      if (index === 0 && steps[0].error[state.errorOf]) specs.push(errorPanel());
+    });
+    return specs;
+  }
+
+  function channelPanel(panel) {
+    const series = [];
+    const own = panel.channels.map((key) => channels[key]);
+    const several = own.filter((c) => c.kind !== 'reference').length > 1;
+    own.filter((c) => c.kind === 'reference').forEach((c) =>
+      series.push({label: c.label, values: () => c.values, color: 'muted', width: 1, dash: [4, 4]}));
+    own.filter((c) => c.kind !== 'reference').forEach((c, k) => {
+      const name = several ? ` ${c.label}` : '';
+      const output = c.kind === 'output';
+      series.push({label: output ? `measured${name}` : c.label, values: () => c.values, dash: DASHES[k % 4],
+        color: output ? 'measured' : 'input', width: output ? 3 : 1.2, stepped: panel.stepped});
+      if (output) {
+        series.push({label: `model${name}`, values: () => steps[state.step].model[c.key] || nothing(),
+          color: 'model', width: 1.2, dash: DASHES[k % 4]});
+      }
+    });
+    const weight = own.some((c) => c.kind === 'output') ? 1 : 0.8;
+    return {key: panel.key, title: panel.title, unit: panel.unit, weight, series};
+  }
+
+  function errorPanel() {
+    const channel = channels[state.errorOf];
+    return {
+      key: 'error', title: `${channel.key.replace(/_/g, ' ')} error`, unit: channel.unit, weight: 1.55,
+      sigma: channel.sigma,
+      series: [
+        {label: 'ghost', color: 'ghost', width: 1.2,
+          values: () => (state.ghost === null ? nothing() : steps[state.ghost].error[state.errorOf])},
+        {label: 'error', values: () => steps[state.step].error[state.errorOf], color: 'error', width: 1.2},
+      ],
+    };
+  }
+
+  function options(spec, last) {
+    const stroke = (name) => () => palette[name];
+    const grid = {stroke: stroke('line'), width: 1};
+    return {
+      width: 600, height: 100, legend: {show: false}, pxAlign: 1,
+      padding: [6, RIGHT_GAP, last ? 0 : 4, 0],
+      scales: {x: {time: false}, y: {range: (u, low, high) => padded(low, high)}},
+      cursor: {
+        y: false, points: {show: false}, drag: {x: true, y: false, setScale: false, dist: 4},
+        sync: {key: 'motor_sysid', setSeries: false, scales: ['x', null],
+          filters: {pub: (type) => type !== 'mousedown' && type !== 'mouseup'}},
+        bind: {
+          mousedown: (u, target, handle) => (event) => (event.shiftKey ? startPan(u, event) : handle(event)),
+          dblclick: () => () => zoom(home),
+        },
+      },
+      axes: [
+        {size: last ? TIME_AXIS : 0, stroke: stroke('muted'), grid, ticks: {...grid, size: 4},
+          font: '11px system-ui, sans-serif',
+          values: (u, splits) => splits.map((t) => (last ? clockText(t) : ''))},
+        {size: AXIS_WIDTH, stroke: stroke('muted'), grid, ticks: {...grid, size: 4}, space: 26,
+          font: '11px system-ui, sans-serif', values: (u, splits) => splits.map(tickText)},
+      ],
+      series: [{}, ...spec.series.map((s) => ({
+        label: s.label, stroke: stroke(s.color), width: s.width, dash: s.dash, points: {show: false},
+        ...(s.stepped ? {paths: uPlot.paths.stepped({align: 1})} : {}),
+      }))],
+      hooks: {
+        drawClear: [(u) => drawBehind(u, spec)],
+        setSelect: [(u) => select(u)],
+        setCursor: [(u) => readout(u, spec)],
+        ready: [(u) => u.over.addEventListener('wheel', (e) => wheel(u, e), {passive: false})],
+      },
+    };
+  }
+
+  const data = (spec) => [time, ...spec.series.map((s) => s.values())];
+
+  function rebuild() {
+    plots.forEach(({u}) => u.destroy());
+    root.replaceChildren();
+    const specs = panelSpecs();
+    plots = specs.map((spec, k) => {
+      const box = el('div', {class: 'plot', 'data-panel': spec.key},
+        el('p', {class: 'name'}, `${spec.title}${bracketed(spec.unit)}`),
+        el('p', {class: 'readout', 'aria-hidden': 'true'}));
+      root.append(box);
+      const u = new uPlot(options(spec, k === specs.length - 1), data(spec), box);
+      return {u, spec, box};
+    });
+    resize();
+    applyRange();
+  }
+
+  function resize() {
+    const width = root.clientWidth;
+    const height = root.clientHeight - TIME_AXIS;
+    const total = plots.reduce((sum, {spec}) => sum + spec.weight, 0);
+    plots.forEach(({u, spec}, k) => {
+      const extra = k === plots.length - 1 ? TIME_AXIS : 0;
+      u.setSize({width, height: Math.max(48, Math.floor((height * spec.weight) / total)) + extra});
+    });
+    drawStrip();
+  }
+
+  /* --- zoom: one range for all panels --------------------------------------------------- */
+
+  function applyRange() {
+    plots.forEach(({u}) => u.batch(() => u.setScale('x', {min: range[0], max: range[1]})));
+    root.dataset.range = range.map((t) => t.toFixed(6)).join(' ');
+    drawStrip();
+  }
+
+  function zoom([from, to]) {
+    const least = Math.min(full[1] - full[0], 20 * smallestStep());
+    const width = Math.min(full[1] - full[0], Math.max(least, to - from));
+    const middle = (from + to) / 2;
+    const start = Math.min(Math.max(full[0], middle - width / 2), full[1] - width);
+    range = [start, start + width];
+    applyRange();
+  }
+
+  const smallestStep = () => 1 / Math.max(...view.records.map((r) => r.rate_hz || 1));
+  const zoomAt = (t, factor) => zoom([t - (t - range[0]) * factor, t + (range[1] - t) * factor]);
+  const middle = () => (range[0] + range[1]) / 2;
+  const pan = (share) => {
+    const shift = share * (range[1] - range[0]);
+    const bounded = Math.min(Math.max(shift, full[0] - range[0]), full[1] - range[1]);
+    zoom([range[0] + bounded, range[1] + bounded]);
+  };
+
+  function select(u) {
+    const {left, width} = u.select;
+    if (width < 4) return;
+    const picked = [u.posToVal(left, 'x'), u.posToVal(left + width, 'x')];
+    u.setSelect({left: 0, top: 0, width: 0, height: 0}, false);
+    zoom(picked);
+  }
+
+  function wheel(u, event) {
+    event.preventDefault();
+    const t = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, 'x');
+    zoomAt(t, event.deltaY < 0 ? 0.75 : 1 / 0.75);
+  }
+
+  function startPan(u, event) {
+    event.preventDefault();
+    const from = event.clientX;
+    const start = range;
+    const perPixel = (range[1] - range[0]) / u.over.clientWidth;
+    const move = (e) => {
+      range = start;
+      pan((-(e.clientX - from) * perPixel) / (start[1] - start[0]));
+    };
+    const stop = () => {
+      removeEventListener('mousemove', move);
+      removeEventListener('mouseup', stop);
+    };
+    addEventListener('mousemove', move);
+    addEventListener('mouseup', stop);
+  }
+
+  const KEYS = {
+    ArrowLeft: () => pan(-0.2), ArrowRight: () => pan(0.2), 0: () => zoom(home),
+    '+': () => zoomAt(middle(), 0.6), '=': () => zoomAt(middle(), 0.6),
+    '-': () => zoomAt(middle(), 1 / 0.6), '−': () => zoomAt(middle(), 1 / 0.6),
+  };
+  function key(event) {
+    const action = KEYS[event.key];
+    if (!action || event.ctrlKey || event.metaKey || event.altKey) return;
+    event.preventDefault();
+    action();
+  }
+
+  /* --- drawing behind the lines --------------------------------------------------------- */
+
+  function drawBehind(u, spec) {
+    const {ctx} = u;
+    const {left, top, width, height} = u.bbox;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    const x = (t) => u.valToPos(t, 'x', true);
+    ctx.fillStyle = palette.train;
+    const judged = view.records.some((r) => r.role !== 'train');
+    view.records.filter((r) => judged && r.role === 'train').forEach((r) =>
+      ctx.fillRect(x(r.start), top, x(r.end) - x(r.start), height));
+    ctx.fillStyle = palette.joint;
+    view.records.slice(1).forEach((r) => ctx.fillRect(Math.round(x(r.start)) - 1, top, 1.5, height));
+    if (spec.sigma) {
+      const [low, high] = [-2, 2].map((k) => u.valToPos(k * spec.sigma, 'y', true));
+      ctx.fillStyle = palette.noise;
+      ctx.fillRect(left, high, width, low - high);
+    }
+    if (mark) {
+      ctx.fillStyle = palette.mark;
+      markedSpans().forEach(([a, b]) => ctx.fillRect(x(a), top, Math.max(1.5, x(b) - x(a)), height));
+    }
+    ctx.restore();
+  }
+
+  /** Stretches of time whose points bear the marked id. */
+  function markedSpans() {
+    const spans = [];
+    for (let k = 0; k < time.length; k += 1) {
+      if (mark.ids[k] !== mark.id) continue;
+      const end = k + 1 < time.length ? time[k + 1] : time[k];
+      if (spans.length && spans.at(-1)[1] === time[k]) spans.at(-1)[1] = end;
+      else spans.push([time[k], end]);
+    }
+    return spans;
+  }
+
+  function drawStrip() {
+    const canvas = $('#strip');
+    const scale = devicePixelRatio || 1;
+    const width = root.clientWidth;
+    canvas.width = width * scale;
+    canvas.height = 30 * scale;
+    canvas.style.width = `${width}px`;
+    strip = canvas.getContext('2d');
+    strip.scale(scale, scale);
+    const inner = width - AXIS_WIDTH - RIGHT_GAP;
+    const x = (t) => AXIS_WIDTH + ((t - range[0]) / (range[1] - range[0])) * inner;
+    strip.beginPath();
+    strip.rect(AXIS_WIDTH, 0, inner, 30);
+    strip.clip();
+    view.records.forEach((r, k) => stripStretch(r, k, x, inner));
+    if (regimes) stripRegimes(x);
+  }
+
+  function stripStretch(record, k, x, inner) {
+    const [a, b] = [Math.max(AXIS_WIDTH, x(record.start)), Math.min(AXIS_WIDTH + inner, x(record.end))];
+    if (b <= a) return;
+    const held = record.role !== 'train';
+    strip.fillStyle = held ? palette.model : palette.measured;
+    strip.fillRect(a, 13, b - a - 1, 2);
+    strip.fillStyle = palette[held ? 'model' : 'muted'];
+    strip.font = '11px system-ui, sans-serif';
+    const text = stretchName(record, k);
+    if (strip.measureText(text).width < b - a - 4) strip.fillText(text, a + 2, 10);
+  }
+
+  function stripRegimes(x) {
+    for (let k = 0; k + 1 < time.length; k += 1) {
+      if (time[k + 1] < range[0] || time[k] > range[1] || regimes.ids[k] > 3) continue;
+      let last = k;
+      while (last + 2 < time.length && regimes.ids[last + 1] === regimes.ids[k]) last += 1;
+      strip.fillStyle = palette[`regime-${regimes.ids[k]}`];
+      strip.fillRect(x(time[k]), 18, Math.max(0.7, x(time[last + 1]) - x(time[k])), 12);
+      k = last;
+    }
+  }
+
+  /* --- text ------------------------------------------------------------------------------ */
+
+  function stretchName(record) {
+    const role = record.role === 'train' ? 'training' : 'held out';
+    return record.label ? `${record.label} · ${role}` : role;
+  }
+
+  function clockText(t) {
+    const tolerance = 1e-6 * (full[1] - full[0]);
+    const record = view.records.find((r) => t >= r.start - tolerance && t <= r.end + tolerance);
+    return record ? `${minus(String(Number((t - record.clock).toFixed(6))))} s` : '';
+  }
+
+  function readout(u, spec) {
+    const node = $('.readout', u.root.parentNode);
+    const k = u.cursor.idx;
+    if (k === null || k === undefined || u.cursor.left < 0) {
+      node.textContent = '';
+      return;
+    }
+    node.textContent = spec.series
+      .map((s, n) => [s.label, u.data[n + 1][k]])
+      .filter(([, value]) => value !== null && value !== undefined)
+      .map(([label, value]) => `${label === 'ghost' ? `M${state.ghost}` : label} ${digits(value, 4)}`)
+      .join(' · ');
+  }
+
+  const api = {
+    show(next) {
+      const rebuilt = next.errorOf !== undefined && next.errorOf !== state.errorOf;
+      state = {...state, ...next};
+      if (rebuilt || !plots.length) {
+        rebuild();
+        return;
+      }
+      plots.forEach(({u, spec}) => u.setData(data(spec), false));
+      applyRange();
+    },
+    mark(ids, id) {
+      mark = ids ? {ids, id} : null;
+      root.dataset.marked = mark ? api.marked().length : 0;
+      plots.forEach(({u}) => u.redraw(false, false));
+    },
+    /** Indices of the marked points. */
+    marked: () => (mark ? Array.from(time.keys()).filter((k) => mark.ids[k] === mark.id) : []),
+    range: () => range,
+    ranges: () => plots.map(({u}) => [u.scales.x.min, u.scales.x.max]),
+    go(from, to) {
+      home = [from, to];
+      zoom(home);
+    },
+    all: () => full,
+    toggle(panel, on) {
+      if (on) shown.add(panel);
+      else shown.delete(panel);
+      rebuild();
+    },
+    zoomIn: () => zoomAt(middle(), 0.6),
+    zoomOut: () => zoomAt(middle(), 1 / 0.6),
+    reset: () => zoom(home),
+    recolor() {
+      plots.forEach(({u}) => u.redraw(false, true));
+      drawStrip();
+    },
+    rangeOfPanel: (name) => plots.find(({spec}) => spec.key === name)?.u.scales.y,
+    errorOutputs, resize, key, stretchName, regimes,
+  };
+  return api;
+}
+
+function padded(low, high) {
+  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [-1, 1];
+  const room = 0.07 * (high - low) || 0.1 * Math.abs(high) || 1;
+  return [low - room, high + room];
+}
+
+const tickText = (value) => minus(String(Number(value.toPrecision(6))));

@@ -1,0 +1,141 @@
+'use strict';
+/* The verdict in words, the ladder of errors, and stepping through the models. */
+
+function drawHeadline(view) {
+  const {verdict} = view;
+  const [first, last] = [view.steps[0], view.steps.at(-1)];
+  const fall = view.steps.length > 1
+    ? [' Error ', el('b', {class: 'bad'}, brief(first.validation_error_percent)), ' → ',
+      el('b', {class: 'ok'}, brief(last.validation_error_percent)),
+      `, noise floor ${brief(view.noise_floor_percent)}.`]
+    : [];
+  $('#headline').replaceChildren(
+    el('span', {class: `badge ${verdict.key}`}, verdict.key.replace(/_/g, ' ')), ' ', el('b', {}, `${verdict.title}.`), ...fall);
+  drawWhy(verdict);
+  const experiment = verdict.experiment;
+  $('#experiment').hidden = !experiment;
+  if (experiment) {
+    $('#experiment').replaceChildren(el('b', {}, 'Record next: '),
+      Object.entries(experiment).map(([key, text]) => `${key.replace(/_/g, ' ')}: ${text}`).join('; '));
+  }
+}
+
+const brief = (value) => (value === null ? '–' : `${digits(value, 2)} %`);
+
+function drawWhy({reasons, warnings}) {
+  const lines = [...reasons, ...warnings.map((w) => `Note: ${w}`)];
+  const why = $('#why');
+  why.hidden = !lines.length;
+  if (!lines.length) return;
+  const more = lines.length > 1 ? ` (${lines.length - 1} more)` : '';
+  $('summary', why).replaceChildren(`Why: ${lines[0]}`, el('span', {class: 'count'}, more));
+  $('ul', why).replaceChildren(...lines.slice(1).map((line) => el('li', {}, line)));
+}
+
+/** Whether a model is as good as its data: at the noise floor, and nothing improves it. */
+const settled = (s) => s.times_floor !== null && s.times_floor <= 1.3 && !s.candidates.some((c) => c.passes);
+
+/** One model in words: how bad, where worst, what explains it best. */
+function drawNow(view, step) {
+  const s = view.steps[step];
+  const done = settled(s);
+  const parts = [el('b', {}, `${s.name} · ${effectsText(view, s)}`), ': error ',
+    el('b', {class: done ? 'ok' : 'bad'}, brief(s.validation_error_percent))];
+  parts.push(s.times_floor === null ? '. ' : `, ${digits(s.times_floor, 2)}× the noise floor. `);
+  parts.push(...worstRegime(s));
+  const best = s.candidates.find((c) => c.passes);
+  if (best) {
+    const gain = 1 - best.validation_error_percent / s.validation_error_percent;
+    parts.push('Best explanation: ', el('b', {}, cap(best.title)), `, error ${MINUS}${Math.round(100 * gain)} %.`);
+  } else if (s.candidates.length) {
+    parts.push('No candidate improves it: ', el('b', {class: done ? 'ok' : ''}, 'stop here'), '.');
+  }
+  $('#now').replaceChildren(...parts);
+}
+
+/** The regime with the most error for its time, if one stands out. */
+function worstRegime(s) {
+  const rows = s.regimes.filter((r) => r.time_share > 0 && r.error_share >= 0.05);
+  const [worst] = rows.sort((a, b) => b.error_share / b.time_share - a.error_share / a.time_share);
+  if (!worst) return [];
+  if (worst.error_share / worst.time_share < 1.25) return ['Spread evenly over the regimes. '];
+  return ['Worst at ', el('b', {}, worst.name),
+    `: ${share(worst.error_share)} of the error in ${share(worst.time_share)} of the time. `];
+}
+
+/* --- ladder ------------------------------------------------------------------------------ */
+
+function drawLadder(view, step, onPick) {
+  const box = $('#ladder');
+  const width = Math.max(240, box.clientWidth);
+  const height = 62;
+  const floor = view.noise_floor_percent;
+  const errors = view.steps.map((s) => s.validation_error_percent);
+  const known = [...errors, floor].filter((v) => v > 0);
+  const [low, high] = [Math.min(...known) / 1.6, Math.max(...known) * 1.15];
+  const [left, right] = [8, width - 34];
+  const at = (v) => left + (Math.log(Math.max(v, low) / low) / Math.log(high / low)) * (right - left);
+  const y = 36;
+  const parts = [svg('line', {x1: left, x2: right, y1: y, y2: y, class: 'rail'})];
+  if (floor > 0) {
+    parts.push(svg('rect', {x: left, y: y - 6, width: at(floor) - left, height: 12, rx: 3, class: 'floor'}),
+      svg('text', {x: left, y: y + 22, class: 'tick'}, `sensor noise ${brief(floor)}`));
+  }
+  parts.push(svg('text', {x: width - 2, y: y + 22, 'text-anchor': 'end', class: 'tick'}, 'error on held-out data, logarithmic'));
+  for (let k = 0; k + 1 < errors.length; k += 1) {
+    if (errors[k] > 0 && errors[k + 1] > 0) parts.push(hop(at(errors[k]), at(errors[k + 1]), y, k < step));
+  }
+  parts.push(...dots(view, errors, step, at, y, width, onPick));
+  const words = view.steps.map((s) => `${s.name} ${percent(s.validation_error_percent)}`).join(', ');
+  box.setAttribute('aria-label', `Ladder of errors on held-out data: ${words}; sensor noise ${percent(floor)}.`);
+  box.replaceChildren(svg('svg', {width, height, 'aria-hidden': 'true'}, ...parts));
+}
+
+const hop = (from, to, y, done) => svg('line', {x1: from, x2: to, y1: y, y2: y, class: done ? 'hop done' : 'hop'});
+
+/** Dots with labels above them; a label that would overlap its neighbour keeps only its name. */
+function dots(view, errors, step, at, y, width, onPick) {
+  const order = errors.map((_, k) => k).filter((k) => errors[k] > 0).sort((a, b) => (a === step ? 1 : b === step ? -1 : 0));
+  const taken = [];
+  const labels = [];
+  const marks = [];
+  [...order].reverse().forEach((k) => {
+    const text = `M${k} ${brief(errors[k])}`;
+    const place = labelPlace(at(errors[k]), text, taken, width) || labelPlace(at(errors[k]), `M${k}`, taken, width);
+    if (place) labels.push(svg('text', {x: place.x, y: place.y, 'text-anchor': 'middle',
+      class: k === step ? 'dot-label current' : 'dot-label'}, place.text));
+  });
+  order.forEach((k) => marks.push(svg('circle', {cx: at(errors[k]), cy: y, r: k === step ? 7 : 5,
+    class: `dot ${k === step ? 'current' : ''} ${settled(view.steps[k]) ? 'ok' : ''}`,
+    'data-model': k, onclick: () => onPick(k)})));
+  return [...labels, ...marks];
+}
+
+function labelPlace(x, text, taken, width) {
+  const half = text.length * 3.6 + 3;
+  const middle = Math.min(width - half, Math.max(half, x));
+  for (const y of [22, 9]) {
+    if (!taken.some((t) => t.y === y && Math.abs(t.x - middle) < t.half + half)) {
+      taken.push({x: middle, y, half});
+      return {x: middle, y, text};
+    }
+  }
+  return null;
+}
+
+/* --- stepper ----------------------------------------------------------------------------- */
+
+function drawStepper(view, step, onPick) {
+  const box = $('#stepper');
+  if (box.querySelectorAll('input').length !== view.steps.length) {
+    box.querySelectorAll('label').forEach((label) => label.remove());
+    view.steps.forEach((s, k) => box.append(el('label', {title: effectsText(view, s)},
+      el('input', {type: 'radio', name: 'model', value: k, onchange: () => onPick(k)}), el('span', {}, s.name))));
+  }
+  box.querySelectorAll('input').forEach((input, k) => {
+    input.checked = k === step;
+  });
+  $('.steps').classList.toggle('single', view.steps.length < 2);
+  $('#back').disabled = step === 0;
+  $('#forward').disabled = step === view.steps.length - 1;
+}

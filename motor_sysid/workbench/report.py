@@ -1,0 +1,77 @@
+"""The static report: the page, its view and its assets in one file that needs nothing else."""
+
+from base64 import b64encode
+import hashlib
+from importlib.resources import files
+import json
+from pathlib import Path
+
+from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.workbench.schema import View
+from motor_sysid.workbench.view import build_view
+
+STYLES = ('uPlot.min.css', 'style.css')
+SCRIPTS = (
+    'uPlot.iife.min.js', 'base.js', 'traces.js', 'where.js', 'tables.js', 'verdict.js', 'app.js',
+)  # fmt: skip
+"""Assets in the order in which the page needs them."""
+
+
+def write_report(diagnosis: Diagnosis, path: str | Path) -> Path:
+    """Write a diagnosis as one self-contained HTML file and return its path.
+
+    The file opens offline and asks for nothing; its content security policy forbids any request
+    and any script but its own.
+    """
+    return write_view_report(build_view(diagnosis), path)
+
+
+def write_view_report(view: View, path: str | Path) -> Path:
+    """Write the report of a view that was built or loaded before and return its path."""
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(report_html(view), encoding='utf-8')
+    return target
+
+
+def report_html(view: View) -> str:
+    """Return the text of the report."""
+    styles = [asset(name) for name in STYLES]
+    scripts = [asset(name) for name in SCRIPTS]
+    slots = {
+        'policy': _policy(styles, scripts),
+        'styles': '\n'.join(f'<style>{style}</style>' for style in styles),
+        'view': f'<script type="application/json" id="view">{_embedded(view)}</script>',
+        'scripts': '\n'.join(f'<script>{script}</script>' for script in scripts),
+    }
+    page = asset('index.html')
+    for name, text in slots.items():
+        page = page.replace(f'<!-- slot: {name} -->', text)
+    return page
+
+
+def asset(name: str) -> str:
+    """Return the text of one of the page's files."""
+    return (files('motor_sysid.workbench') / 'assets' / name).read_text(encoding='utf-8')
+
+
+def _embedded(view: View) -> str:
+    """Return JSON that cannot end the script element it stands in."""
+    text = json.dumps(view, allow_nan=False, separators=(',', ':'), ensure_ascii=False)
+    return text.replace('<', '\\u003c')
+
+
+def _policy(styles: list[str], scripts: list[str]) -> str:
+    """Return a policy that allows exactly these styles and scripts, and no request at all."""
+    parts = (
+        "default-src 'none'",
+        'img-src data:',
+        f'style-src {_hashes(styles)}',
+        f'script-src {_hashes(scripts)}',
+    )
+    return f'<meta http-equiv="Content-Security-Policy" content="{"; ".join(parts)}">'
+
+
+def _hashes(texts: list[str]) -> str:
+    digests = (hashlib.sha256(text.encode()).digest() for text in texts)
+    return ' '.join(f"'sha256-{b64encode(digest).decode()}'" for digest in digests)

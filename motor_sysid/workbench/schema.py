@@ -1,0 +1,213 @@
+"""The view: everything that the page shows, as JSON.
+
+Arrays are base64 text of little-endian float32 unless said otherwise; NaN stands for nothing.
+All signals share the points of `View.time`.  Errors are measured minus model.
+"""
+
+from typing import TypedDict
+
+SCHEMA = 'motor_sysid/view/1'
+
+
+class Named(TypedDict):
+    """A key for programs and a title for people."""
+
+    key: str
+    title: str
+
+
+class VerdictView(TypedDict):
+    """What the diagnosis says."""
+
+    key: str
+    title: str
+    effects: list[Named]
+    reasons: list[str]
+    warnings: list[str]
+    experiment: dict[str, str] | None
+    seconds: float | None
+
+
+class StretchView(TypedDict):
+    """One record on the common time axis; `clock` is subtracted to get its own time."""
+
+    label: str
+    source: str
+    role: str
+    start: float
+    end: float
+    clock: float
+    samples: int
+    rate_hz: float | None
+
+
+class ChannelView(TypedDict):
+    """One recorded signal; `kind` is output, input or reference; `sigma` is its sensor noise."""
+
+    key: str
+    label: str
+    unit: str
+    kind: str
+    values: str
+    sigma: float | None
+
+
+class PanelView(TypedDict):
+    """Channels drawn in one panel."""
+
+    key: str
+    title: str
+    unit: str
+    channels: list[str]
+    shown: bool
+    stepped: bool
+
+
+class RegimesView(TypedDict):
+    """Regime of each point, uint8 (255: none), as an index into `names`."""
+
+    names: list[str]
+    ids: str
+
+
+class MapView(TypedDict):
+    """Cells of the map; `ids` holds the cell of each point as uint16 (65535: none).
+
+    Values of a cell are RMS errors divided by `scale` (noise sigma, or 1 where unknown).
+    """
+
+    x: str
+    y: str
+    x_unit: str
+    y_unit: str
+    x_edges: list[float]
+    y_edges: list[float]
+    ids: str
+    counts: str
+    scale: float
+    in_sigma: bool
+
+
+class RegimeShare(TypedDict):
+    """How much of the squared error and of the time falls into a regime, 0 to 1."""
+
+    name: str
+    error_share: float | None
+    time_share: float | None
+    rms: float | None
+
+
+class CurveView(TypedDict):
+    """A `motor_sysid.diagnosis.result.Curve`."""
+
+    axis: str
+    axis_unit: str
+    quantity: str
+    unit: str
+    x: str
+    mean: str
+    band: str
+    law: str | None
+
+
+class WhereView(TypedDict):
+    """A `motor_sysid.diagnosis.result.Where`."""
+
+    axis: str
+    unit: str
+    bins: list[float | None]
+    error_percent: list[float | None]
+    error_share: list[float | None]
+    time_share: list[float | None]
+
+
+class ParameterView(TypedDict):
+    """One parameter; `base` is its value in M0; `sigma` is None if not estimated.
+
+    `known` is False where the data hold no information on it (infinite sigma).
+    """
+
+    name: str
+    effect: str
+    description: str
+    value: float | None
+    sigma: float | None
+    known: bool
+    unit: str
+    free: bool
+    on_bound: bool
+    base: float | None
+
+
+class CandidateParameter(TypedDict):
+    """A parameter of a candidate after its refit."""
+
+    name: str
+    value: float | None
+    unit: str
+    sigma: float | None
+
+
+class CandidateView(TypedDict):
+    """A `motor_sysid.diagnosis.result.Candidate`; `added` names the model that took it."""
+
+    effect: str
+    title: str
+    equation: str
+    law: str
+    delta_bic: float | None
+    train_error_percent: float | None
+    validation_error_percent: float | None
+    parameters: list[CandidateParameter]
+    confusable_with: list[Named]
+    passes: bool
+    note: str
+    curve: CurveView | None
+    added: str
+
+
+class StepView(TypedDict):
+    """One model of the ladder, and all that is shown of it."""
+
+    name: str
+    effects: list[Named]
+    added: list[Named]
+    train_error_percent: float | None
+    validation_error_percent: float | None
+    times_floor: float | None
+    channel_errors: dict[str, float | None]
+    model: dict[str, str]
+    error: dict[str, str]
+    map: str | None
+    regimes: list[RegimeShare]
+    where: list[WhereView]
+    curves: list[CurveView]
+    candidates: list[CandidateView]
+    parameters: list[ParameterView]
+
+
+class View(TypedDict):
+    """The whole page.
+
+    `time` holds float64 s on the common axis; `bucket` is the most samples that two points stand
+    for; `focus` the stretch in s and `first` the model that the page opens with.
+    """
+
+    schema: str
+    actions: bool
+    source: str
+    motor: Named
+    held_out: str
+    verdict: VerdictView
+    noise_floor_percent: float | None
+    records: list[StretchView]
+    time: str
+    bucket: int
+    channels: list[ChannelView]
+    panels: list[PanelView]
+    primary: str
+    focus: list[float]
+    first: int
+    regimes: RegimesView | None
+    map: MapView | None
+    steps: list[StepView]

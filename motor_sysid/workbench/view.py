@@ -1,0 +1,188 @@
+"""From a diagnosis to the view: the one object that the page, the report and tests read."""
+
+from collections.abc import Sequence
+import json
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+
+from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.errors import UserError
+from motor_sysid.workbench.axis import axis_times, decimate, join, pack, Stretch
+from motor_sysid.workbench.bench import Bench
+from motor_sysid.workbench.channels import Channel, Panel, panels_of
+from motor_sysid.workbench.regimes import Bins, Grid, REGIMES
+from motor_sysid.workbench.schema import (
+    ChannelView,
+    MapView,
+    Named,
+    PanelView,
+    RegimesView,
+    SCHEMA,
+    StretchView,
+    VerdictView,
+    View,
+)
+from motor_sysid.workbench.steps import step_view
+from motor_sysid.workbench.words import (
+    held_out_words,
+    motor_title,
+    named,
+    number,
+    source_name,
+    verdict_title,
+)
+
+
+def build_view(diagnosis: Diagnosis, actions: bool = False) -> View:
+    """Return everything that the page shows of a diagnosis, ready for JSON.
+
+    Parameters
+    ----------
+    diagnosis:
+        What was found; its records become one time axis with the held-out stretch in focus.
+    actions:
+        Whether the page may offer to add and remove effects (only where something answers).
+
+    Raises
+    ------
+    UserError
+        If the diagnosis has no record or no model.
+    """
+    bench = Bench.of(diagnosis)
+    records, stretches = diagnosis.records, bench.stretches
+    return {
+        'schema': SCHEMA,
+        'actions': actions,
+        'source': ', '.join(dict.fromkeys(source_name(record) for record in records)),
+        'motor': _motor(diagnosis),
+        'held_out': held_out_words(records, diagnosis.roles),
+        'verdict': _verdict(diagnosis, bench.titles),
+        'noise_floor_percent': number(diagnosis.noise_floor_percent),
+        'records': [_stretch(index, bench) for index in range(len(records))],
+        'time': pack(axis_times(stretches, records), '<f8'),
+        'bucket': max(stretch.size for stretch in stretches),
+        'channels': [_channel(channel, bench) for channel in bench.channels],
+        'panels': [_panel(panel) for panel in panels_of(bench.channels, bench.primary)],
+        'primary': bench.primary,
+        'focus': [stretches[bench.held[0]].start, stretches[bench.held[-1]].end],
+        'first': _first(diagnosis),
+        'regimes': None if bench.regimes is None else _regimes(bench.regimes, stretches),
+        'map': None if bench.grid is None else _map(bench.grid, bench),
+        'steps': [step_view(index, bench) for index in range(len(diagnosis.steps))],
+    }
+
+
+def save_view(view: View, path: str | Path) -> Path:
+    """Write a view as JSON and return the path."""
+    target = Path(path)
+    target.parent.mkdir(parents=True, exist_ok=True)
+    target.write_text(json.dumps(view, allow_nan=False, separators=(',', ':')), encoding='utf-8')
+    return target
+
+
+def load_view(path: str | Path) -> View:
+    """Read a view that `save_view` wrote.
+
+    Raises
+    ------
+    UserError
+        If the file is not a view of this version.
+    """
+    try:
+        view = json.loads(Path(path).read_text(encoding='utf-8'))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise UserError(f'cannot read the view {path}: {error}') from None
+    schema = view.get('schema') if isinstance(view, dict) else None
+    if schema != SCHEMA:
+        raise UserError(f'{path} has schema {schema!r}; a saved report view has {SCHEMA!r}')
+    return cast(View, view)
+
+
+def _first(diagnosis: Diagnosis) -> int:
+    """Return the model to open with: the base, or the last where something unknown remains."""
+    return len(diagnosis.steps) - 1 if diagnosis.verdict is Verdict.UNKNOWN_EFFECT else 0
+
+
+def _verdict(diagnosis: Diagnosis, titles: dict[str, str]) -> VerdictView:
+    return {
+        'key': diagnosis.verdict.value,
+        'title': verdict_title(diagnosis, titles),
+        'effects': [named(key, titles) for key in diagnosis.effects],
+        'reasons': list(diagnosis.reasons),
+        'warnings': list(diagnosis.warnings),
+        'experiment': None if diagnosis.experiment is None else dict(diagnosis.experiment),
+        'seconds': number(diagnosis.seconds),
+    }
+
+
+def _motor(diagnosis: Diagnosis) -> Named:
+    key = diagnosis.steps[0].model.motor
+    return {'key': key, 'title': motor_title(key)}
+
+
+def _stretch(index: int, bench: Bench) -> StretchView:
+    names = [source_name(record) for record in bench.diagnosis.records]
+    record, stretch = bench.diagnosis.records[index], bench.stretches[index]
+    name = names[index]
+    return {
+        'label': name if len(names) > 1 and names.count(name) == 1 else '',
+        'source': name,
+        'role': bench.diagnosis.roles[index],
+        'start': stretch.start,
+        'end': stretch.end,
+        'clock': stretch.clock,
+        'samples': len(record),
+        'rate_hz': number(1 / record.dt),
+    }
+
+
+def _panel(panel: Panel) -> PanelView:
+    return {
+        'key': panel.name,
+        'title': panel.name.replace('_', ' '),
+        'unit': panel.unit,
+        'channels': list(panel.channels),
+        'shown': panel.shown,
+        'stepped': panel.stepped,
+    }
+
+
+def _channel(channel: Channel, bench: Bench) -> ChannelView:
+    parts = [
+        decimate(record[channel.name], stretch.size)
+        for record, stretch in zip(bench.diagnosis.records, bench.stretches, strict=True)
+    ]
+    return {
+        'key': channel.name,
+        'label': channel.label,
+        'unit': channel.unit,
+        'kind': channel.kind,
+        'values': pack(join(parts, np.nan)),
+        'sigma': number(bench.diagnosis.noise_sigma.get(channel.name, np.nan)),
+    }
+
+
+def _regimes(regimes: tuple[Bins, ...], stretches: Sequence[Stretch]) -> RegimesView:
+    parts = [bins[s.picks] for bins, s in zip(regimes, stretches, strict=True)]
+    return {'names': list(REGIMES), 'ids': pack(join(parts, 255), '<u1')}
+
+
+def _map(grid: Grid, bench: Bench) -> MapView:
+    parts = [
+        np.where(cells[s.picks] < 0, 65535, cells[s.picks])
+        for cells, s in zip(grid.cells, bench.stretches, strict=True)
+    ]
+    return {
+        'x': grid.x,
+        'y': grid.y,
+        'x_unit': grid.x_unit,
+        'y_unit': grid.y_unit,
+        'x_edges': [float(f'{edge:.6g}') for edge in grid.x_edges],
+        'y_edges': [float(f'{edge:.6g}') for edge in grid.y_edges],
+        'ids': pack(join(parts, 65535), '<u2'),
+        'counts': pack(bench.held_counts(), '<u4'),
+        'scale': bench.sigma if bench.sigma > 0 else 1.0,
+        'in_sigma': bench.sigma > 0,
+    }

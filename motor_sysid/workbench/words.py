@@ -1,0 +1,80 @@
+"""Titles, numbers and short phrases of the view."""
+
+from collections.abc import Mapping, Sequence
+import math
+from pathlib import PurePath
+
+from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.motors import motor
+from motor_sysid.signals.record import Record
+from motor_sysid.workbench.schema import Named
+
+VERDICTS: Mapping[Verdict, str] = {
+    Verdict.COMPLETE: 'Nothing is missing',
+    Verdict.EFFECT_MISSING: 'Missing',
+    Verdict.AMBIGUOUS: 'Several effects explain these data equally well',
+    Verdict.UNKNOWN_EFFECT: 'Something is missing that the catalogue does not know',
+    Verdict.INSUFFICIENT_DATA: 'These data are not enough to decide',
+}
+
+DIGITS = 6
+"""Significant digits of a number in the view."""
+
+
+def number(value: float) -> float | None:
+    """Return a value rounded to six significant digits, or None if it is not finite."""
+    return float(f'{value:.{DIGITS}g}') if math.isfinite(value) else None
+
+
+def named(key: str, titles: Mapping[str, str]) -> Named:
+    """Return an effect's key with its title."""
+    return {'key': key, 'title': titles.get(key) or title_of(key)}
+
+
+def title_of(key: str) -> str:
+    """Turn a key into words: ``coulomb_friction`` becomes ``Coulomb friction``."""
+    return key.replace('_', ' ').capitalize()
+
+
+def motor_title(key: str) -> str:
+    """Return a motor kind in words."""
+    return motor(key).title
+
+
+def effect_titles(diagnosis: Diagnosis) -> dict[str, str]:
+    """Return the title of every effect of the catalogue and of every other that was tried."""
+    tried = {c.effect: c.title for step in diagnosis.steps for c in step.candidates}
+    return {**{key: effect.card.title for key, effect in catalogue().items()}, **tried}
+
+
+def verdict_title(diagnosis: Diagnosis, titles: Mapping[str, str]) -> str:
+    """Return the verdict in a few words, with the effects that it names."""
+    if diagnosis.verdict is Verdict.EFFECT_MISSING and diagnosis.effects:
+        effects = [named(key, titles)['title'] for key in diagnosis.effects]
+        return f'{VERDICTS[diagnosis.verdict]}: {in_words(effects)}'
+    return VERDICTS[diagnosis.verdict]
+
+
+def in_words(items: Sequence[str]) -> str:
+    """Join as ``a, b and c``."""
+    return ' and '.join([', '.join(items[:-1]), items[-1]] if len(items) > 1 else items)
+
+
+def source_name(record: Record) -> str:
+    """Return the last part of a record's source."""
+    return PurePath(record.provenance.source).name or 'record'
+
+
+def held_out_words(records: Sequence[Record], roles: Sequence[str]) -> str:
+    """Say which part of the data the errors are judged on."""
+    held = [r for r, role in zip(records, roles, strict=True) if role == 'validate']
+    if not held:
+        return 'nothing held out'
+    seconds = sum(record.duration for record in held)
+    trained = {source_name(r) for r, role in zip(records, roles, strict=True) if role == 'train'}
+    names = dict.fromkeys(source_name(record) for record in held)
+    if any(name in trained for name in names):
+        last = records[-1] is held[-1] and len(held) == 1
+        return f'held out: {"last " if last else ""}{seconds:.3g} s'
+    return f'held out: {", ".join(names)} ({seconds:.3g} s)'
