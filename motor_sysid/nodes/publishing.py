@@ -4,16 +4,18 @@ Building, filling and serialising a message costs 15 to 25 us and checks no type
 costs 3 to 6 us, and a float is always a float.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 import struct
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
+
+from motor_sysid.nodes.statuses import Status, text_of
 
 SECOND = 1_000_000_000
 DEPTH = 2000
@@ -25,7 +27,7 @@ LATCHED = QoSProfile(
 )
 """For what late joiners and bags must get too: the current model."""
 
-_STAMP, _DOUBLE = struct.Struct('<iI'), struct.Struct('<d')
+_STAMP, _DOUBLE, _COUNT = struct.Struct('<iI'), struct.Struct('<d'), struct.Struct('<I')
 _LITTLE_ENDIAN = b'\x00\x01\x00\x00'
 
 
@@ -111,30 +113,44 @@ def joint_publisher(
     return PackedPublisher(node.create_publisher(JointState, topic, qos), template)
 
 
-def text_of(value: object) -> str:
-    """Return a value as text; a float so that it reads back bit for bit."""
-    return repr(float(value)) if isinstance(value, float) else str(value)
+class DiagnosticsPublisher:
+    """Publishes `DiagnosticArray`, packed: ten times cheaper than building the message."""
+
+    def __init__(self, node: Node, topic: str, qos: QoSProfile) -> None:
+        self.publisher = node.create_publisher(DiagnosticArray, topic, qos)
+        self._hardware = node.get_fully_qualified_name()
+
+    def publish(self, stamp: int, statuses: Sequence[Status]) -> None:
+        """Publish with the stamp in ns since the epoch."""
+        self.publisher.publish(pack_diagnostics(stamp, self._hardware, statuses))
 
 
-def status(
-    name: str, values: Mapping[str, object], message: str = 'ok', hardware_id: str = '',
-    level: bytes = DiagnosticStatus.OK,
-) -> DiagnosticStatus:  # fmt: skip
-    """Return one diagnostic status with its key-value pairs."""
-    return DiagnosticStatus(
-        level=level,
-        name=name,
-        message=message,
-        hardware_id=hardware_id,
-        values=[KeyValue(key=key, value=text_of(value)) for key, value in values.items()],
-    )
+def pack_diagnostics(stamp: int, hardware_id: str, statuses: Sequence[Status]) -> bytes:
+    """Return a `DiagnosticArray` as CDR."""
+    out = bytearray(_LITTLE_ENDIAN + _STAMP.pack(*divmod(stamp, SECOND)))
+    _text(out, '')
+    _count(out, len(statuses))
+    for status in statuses:
+        out += b'\1' if status.warn else b'\0'
+        for text in (status.name, status.message, hardware_id):
+            _text(out, text)
+        _count(out, len(status.values))
+        for key, value in status.values.items():
+            _text(out, key)
+            _text(out, text_of(value))
+    return bytes(out)
 
 
-def diagnostic_array(stamp: int, statuses: Sequence[DiagnosticStatus]) -> DiagnosticArray:
-    """Return the message, stamped in ns since the epoch."""
-    message = DiagnosticArray(status=list(statuses))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, SECOND)
-    return message
+def _text(out: bytearray, text: str) -> None:
+    data = text.encode()
+    _count(out, len(data) + 1)
+    out += data
+    out += b'\0'
+
+
+def _count(out: bytearray, value: int) -> None:
+    out += bytes(-len(out) % 4)  # the 4 bytes in front keep the alignment
+    out += _COUNT.pack(value)
 
 
 def now_ns(clock: Clock) -> int:

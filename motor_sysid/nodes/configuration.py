@@ -1,0 +1,115 @@
+"""What an identifier was set to: published with the model, and read back by the replay."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.online import OnlineIdentifier
+from motor_sysid.estimation.stream import EstimateStream, Rates
+from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, plan_topics, TopicPlan
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.store import dump_model, parse_model
+from motor_sysid.recording.sources import Source
+
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """Everything that the estimates depend on besides the samples.
+
+    Attributes
+    ----------
+    model:
+        Where the estimator starts.
+    estimator:
+        ``rls`` or ``ekf``.
+    sample_time:
+        In s; 0 to learn it from the first stamps.
+    estimate_rate, prediction_rate:
+        Results per second of sample time.
+    tolerance:
+        Largest difference of the stamps of one sample, s.
+    """
+
+    model: Model
+    estimator: str = 'ekf'
+    sample_time: float = 0.0
+    estimate_rate: float = 10.0
+    prediction_rate: float = 50.0
+    tolerance: float = 0.0
+
+    def to_texts(self) -> dict[str, str]:
+        """Return it as key and text."""
+        return {
+            'estimator': self.estimator,
+            'sample_time': repr(self.sample_time),
+            'estimate_rate': repr(self.estimate_rate),
+            'prediction_rate': repr(self.prediction_rate),
+            'tolerance': repr(self.tolerance),
+            'model': dump_model(self.model),
+        }
+
+    @classmethod
+    def from_texts(cls, texts: Mapping[str, str]) -> 'Configuration':
+        """Read it back.
+
+        Raises
+        ------
+        UserError
+            If something is missing or cannot be read.
+        """
+        try:
+            return cls(
+                parse_model(texts['model'], 'the recorded configuration'),
+                texts['estimator'],
+                *(
+                    float(texts[key])
+                    for key in ('sample_time', 'estimate_rate', 'prediction_rate', 'tolerance')
+                ),
+            )
+        except (KeyError, ValueError) as error:
+            raise UserError(f'the recorded configuration lacks {error}') from None
+
+    def make(self, sample_time: float) -> OnlineIdentifier:
+        """Return a fresh estimator."""
+        return OnlineIdentifier(self.model, estimator=self.estimator, dt=sample_time)
+
+    def warm_up(self) -> None:
+        """Have everything compiled before the first sample comes."""
+        online = self.make(self.sample_time or 0.002)
+        width = len(self.inputs()), len(self.outputs())
+        times = 0.002 * np.arange(4)
+        online.update(times, np.zeros((4, width[0])), np.zeros((4, width[1])))
+        online.estimate()
+
+    def inputs(self) -> tuple[str, ...]:
+        """Return the signals that drive the model."""
+        return self.model.kind.inputs[0]
+
+    def outputs(self) -> tuple[str, ...]:
+        """Return the measured signals that the estimator is given."""
+        return tuple(o.signal for o in self.model.kind.outputs if o.signal != 'position')
+
+    def plans(self, sources: tuple[Source, ...] = DEFAULT_SOURCES) -> tuple[TopicPlan, ...]:
+        """Return the topics to listen to; the position comes along where there is a source."""
+        extra = {s.signal for s in sources if s.signal == 'position'}
+        return plan_topics(sources, (*self.inputs(), *self.outputs(), *sorted(extra)))
+
+    def pipeline(self, plans: tuple[TopicPlan, ...], window: int) -> Pipeline:
+        """Return the working part."""
+        rates = Rates(
+            round(SECOND / self.estimate_rate),
+            round(SECOND / self.prediction_rate),
+            round(SECOND * self.sample_time),
+        )
+        return Pipeline(
+            plans,
+            EstimateStream(self.make, rates),
+            self.inputs(),
+            self.outputs(),
+            window,
+            round(SECOND * self.tolerance),
+        )

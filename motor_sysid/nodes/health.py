@@ -1,0 +1,119 @@
+"""How the intake and the model fare: counts, times and errors for /diagnostics."""
+
+from collections import deque
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+import math
+import time
+
+import numpy as np
+
+from motor_sysid.estimation.stream import Event
+from motor_sysid.nodes.intake import RawTopic
+from motor_sysid.nodes.pipeline import Pipeline
+from motor_sysid.nodes.statuses import Status
+
+TIMES = 20_000
+"""Batches whose working time is remembered."""
+ERRORS = 500
+"""Residuals over which the model error is averaged."""
+
+
+@dataclass
+class Batch:
+    """One look at the topics."""
+
+    messages: int = 0
+
+
+class Health:
+    """Collects what /diagnostics says about an identifier.
+
+    Attributes
+    ----------
+    refits:
+        Refits that came back.
+    """
+
+    def __init__(self, pipeline: Pipeline, topics: Sequence[RawTopic]) -> None:
+        self._pipeline, self._topics = pipeline, topics
+        self._times: deque[float] = deque(maxlen=TIMES)
+        self._residuals: dict[str, deque[float]] = {}
+        self._before = self._totals()
+        self.refits = 0
+
+    @contextmanager
+    def timed(self) -> Iterator[Batch]:
+        """Measure one batch; empty ones do not count."""
+        batch = Batch()
+        begin = time.perf_counter()
+        yield batch
+        if batch.messages:
+            self._times.append(time.perf_counter() - begin)
+
+    def note(self, event: Event) -> None:
+        """Remember the residuals."""
+        for name, value in event.residual.items():
+            if name not in self._residuals:
+                self._residuals[name] = deque(maxlen=ERRORS)
+            self._residuals[name].append(value)
+
+    def _totals(self) -> tuple[float, float, int]:
+        received = sum(topic.received for topic in self._topics)
+        return time.monotonic(), time.process_time(), received
+
+    def statuses(self, noise: Mapping[str, float]) -> list[Status]:
+        """Return the statuses; rates and CPU share are those since the last call."""
+        before, self._before = self._before, self._totals()
+        passed = max(self._before[0] - before[0], 1e-9)
+        cpu = (self._before[1] - before[1]) / passed
+        rate = (self._before[2] - before[2]) / passed
+        return [self._intake(cpu, rate), self._model(noise)]
+
+    def _intake(self, cpu: float, rate: float) -> Status:
+        counts, stream = self._pipeline.join.counts, self._pipeline.stream
+        lost = {f'lost {topic.resolved}': topic.lost for topic in self._topics}
+        bad = sum(lost.values()) + counts.dropped + self._pipeline.refused.not_finite
+        values: dict[str, object] = {
+            'messages_per_s': rate,
+            'samples': stream.samples,
+            'sample_time_s': stream.sample_time,
+            **lost,
+            'incomplete': counts.incomplete,
+            'out_of_order': counts.out_of_order,
+            'overflow': counts.overflow,
+            'restarts': counts.restarts,
+            'not_finite': self._pipeline.refused.not_finite,
+            'gaps': stream.gaps,
+            'missing': stream.missing,
+            'cpu_share': cpu,
+            'refits': self.refits,
+            **self._percentiles(),
+        }
+        if rate == 0:
+            return Status('identifier: intake', values, 'no messages', warn=True)
+        if bad or stream.missing:
+            return Status('identifier: intake', values, 'samples were lost', warn=True)
+        return Status('identifier: intake', values)
+
+    def _percentiles(self) -> dict[str, float]:
+        if not self._times:
+            return {}
+        p50, p99, top = np.percentile(np.array(self._times), [50, 99, 100]) * 1e3
+        return {'batch_p50_ms': float(p50), 'batch_p99_ms': float(p99), 'batch_max_ms': float(top)}
+
+    def _model(self, noise: Mapping[str, float]) -> Status:
+        """Compare what the model leaves with the noise that the last refit found."""
+        values: dict[str, object] = {}
+        worst = 0.0
+        for name, residuals in self._residuals.items():
+            error = math.sqrt(sum(r * r for r in residuals) / len(residuals))
+            values[f'error {name}'] = error
+            if noise.get(name):
+                values[f'noise {name}'] = float(noise[name])
+                worst = max(worst, error / noise[name])
+        if worst > 2:
+            text = f'the model errs {worst:.1f} times the noise: something is missing'
+            return Status('identifier: model', values, text, warn=True)
+        return Status('identifier: model', values)
