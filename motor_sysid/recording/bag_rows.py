@@ -1,0 +1,219 @@
+"""From the messages of a bag to rows of signals, as a msg_config says."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording.align import align, choose_base, Series
+from motor_sysid.recording.cdr import column, strings_of, text_of
+from motor_sysid.recording.clocks import clock_findings
+from motor_sysid.recording.definitions import definitions, field_names, Types
+from motor_sysid.recording.messages import Messages, Topic
+from motor_sysid.recording.rosbag import Bag
+from motor_sysid.recording.rows import Rows, unwrapped
+from motor_sysid.recording.sources import MsgConfig, Source
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.units import did_you_mean, parse_unit
+
+Chosen = dict[str, tuple[Source, Topic]]
+
+
+def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[Finding]]:
+    """Read the signals that a msg_config names.
+
+    Returns
+    -------
+    tuple
+        Rows (one for each time the clock starts anew), the source that each signal was read from,
+        and findings.
+
+    Raises
+    ------
+    UserError
+        If a topic or field that is not optional is missing, or nothing could be read.
+    """
+    if not bag.topics:
+        raise UserError(f'{bag.path} is empty: it has no topics')
+    places = [(source, _topic(bag, source, config)) for source in config.all_sources()]
+    wanted = {topic.name: topic for _, topic in places if topic}
+    if not wanted:
+        raise UserError(_nothing_found(bag, config))
+    messages = bag.read(list(wanted))
+    if not any(len(found) for found in messages.values()):
+        raise UserError(f'{bag.path} has no messages on {", ".join(wanted)}; nothing was recorded')
+    types = definitions(wanted.values())
+    present = [(s, t) for s, t in places if t and len(messages.get(t.name, ()))]
+    reader = _Reader(messages, types)
+    chosen = _choose(config, present, reader)
+    series = reader.series(chosen)
+    units = {name: source.si_unit() for name, (source, _) in chosen.items()}
+    rows, joined = align(series, choose_base(series, config.base_clock), units)
+    return rows, chosen, [*reader.findings, *clock_findings(series), *joined]
+
+
+def _topic(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
+    """Find the topic of a source; a relative name also matches below any namespace."""
+    if not source.topic:
+        return None
+    name = source.topic
+    if not name.startswith('/') and config.namespace:
+        name = f'/{config.namespace}/{name}'
+    tail = name if name.startswith('/') else f'/{name}'
+    matches = [t for t in bag.topics if t in (name, tail)]
+    if not matches and not name.startswith('/'):
+        matches = [t for t in bag.topics if t.endswith(tail)]
+    if len(matches) > 1:
+        raise UserError(
+            f'{bag.path} has several topics for `{name}`: {", ".join(matches)}; '
+            f'choose one with `namespace: {matches[0].removesuffix(tail)}` in a msg_config file'
+        )
+    if not matches:
+        return None
+    topic = bag.topics[matches[0]]
+    if source.type and source.type != topic.msgtype:
+        raise UserError(
+            f'topic `{topic.name}` has type `{topic.msgtype}`, the msg_config {config.origin} '
+            f'says `{source.type}`'
+        )
+    return topic
+
+
+def _choose(
+    config: MsgConfig, present: Sequence[tuple[Source, Topic]], reader: '_Reader'
+) -> Chosen:
+    """Take the first source of each signal that the bag has."""
+    chosen: Chosen = {}
+    for name, sources in config.sources.items():
+        for source, topic in present:
+            if source.signal == name and name not in chosen and reader.applies(source, topic):
+                chosen[name] = (source, topic)
+        required = [s for s in sources if not s.optional and not s.derived]
+        if name not in chosen and required:
+            raise UserError(reader.missing(required[0], config))
+    if not chosen:
+        raise UserError(f'none of the fields named in {config.origin} holds any value')
+    return chosen
+
+
+class _Reader:
+    """Reads fields of messages, and stamps, each once."""
+
+    def __init__(self, messages: dict[str, Messages], types: Types) -> None:
+        self.messages = messages
+        self.types = types
+        self.findings: list[Finding] = []
+
+    def applies(self, source: Source, topic: Topic) -> bool:
+        """Tell whether a source has anything to say in this bag."""
+        first = self.messages[topic.name][0]
+        if source.when:
+            text = text_of(first, self.types, topic.msgtype, source.when.field)
+            if not source.when.holds(text):
+                return False
+        read = column(self.messages[topic.name], self.types, topic.msgtype, source.field)
+        return bool(np.any(read.present))
+
+    def missing(self, source: Source, config: MsgConfig) -> str:
+        """Return the message for a source that must be there and is not."""
+        known = list(self.messages)
+        return (
+            f'{config.origin}: `{source.signal}` comes from topic `{source.topic}` '
+            f'({source.field}), which the bag does not have or which is empty'
+            f'{did_you_mean(source.topic, known)}; of the topics wanted it has '
+            f'{", ".join(known)}; add `optional: true` if the signal can be missing'
+        )
+
+    def series(self, chosen: Chosen) -> list[Series]:
+        """Return the chosen signals by topic and stamp."""
+        groups: dict[tuple[str, str], list[str]] = defaultdict(list)
+        for name, (source, topic) in chosen.items():
+            groups[topic.name, source.stamp].append(name)
+        found = []
+        for (topic_name, _), names in groups.items():
+            source, topic = chosen[names[0]]
+            messages = self.messages[topic_name]
+            stamps = self._stamps(source, topic)
+            signals = {name: self._values(*chosen[name]) for name in names}
+            one = Series(topic_name, stamps, messages.received, signals)
+            found.append(self._without_holes(one))
+            self._note_joints(topic, [chosen[name][0] for name in names])
+        return [one for one in found if one.stamps.size]
+
+    def _values(self, source: Source, topic: Topic) -> NDArray[np.float64]:
+        read = column(self.messages[topic.name], self.types, topic.msgtype, source.field)
+        raw = np.where(read.present, read.values.astype(np.float64), np.nan)
+        return unwrapped(source.to_si(raw), source.si_unit())
+
+    def _stamps(self, source: Source, topic: Topic) -> NDArray[np.int64]:
+        messages = self.messages[topic.name]
+        if source.stamp == 'receive':
+            return messages.received
+        path = 'header.stamp' if source.stamp == 'header' else source.stamp
+        if source.stamp == 'header' and 'header' not in field_names(self.types, topic.msgtype):
+            raise UserError(
+                f'`{topic.msgtype}` of topic `{topic.name}` has no header stamp; write '
+                '`stamp: receive` for it in a msg_config file (receive times jitter), or publish '
+                'a stamped type'
+            )
+        read = column(messages, self.types, topic.msgtype, path)
+        stamps = read.values
+        if not path.endswith('stamp') or stamps.dtype != np.int64:
+            factor = parse_unit(source.stamp_unit).factor * 1e9
+            stamps = np.round(stamps.astype(np.float64) * factor).astype(np.int64)
+        if not np.any(stamps):
+            raise UserError(
+                f'the stamps of topic `{topic.name}` are all zero; fill them where it is '
+                'published, or write `stamp: receive` in a msg_config file'
+            )
+        return np.asarray(stamps, dtype=np.int64)
+
+    def _without_holes(self, one: Series) -> Series:
+        """Drop messages in which a value is missing or not finite."""
+        good = np.all([np.isfinite(values) for values in one.signals.values()], axis=0)
+        lost = int(np.sum(~good))
+        if lost:
+            self.findings.append(
+                Finding(
+                    Severity.WARNING, 'missing_values',
+                    f'{lost} of {good.size} messages of {one.topic} have no finite '
+                    f'{" or ".join(one.signals)}; left out',
+                    'the record has holes there', 'look for the cause in the sensor or driver',
+                    {'messages': lost},
+                )
+            )  # fmt: skip
+        return one.take(good) if lost else one
+
+    def _note_joints(self, topic: Topic, sources: Sequence[Source]) -> None:
+        """Warn where one of several joints was taken by its place alone."""
+        if not any(source.field.endswith('[0]') for source in sources):
+            return
+        first = self.messages[topic.name][0]
+        names = strings_of(first, self.types, topic.msgtype, 'name')
+        if len(names) > 1:
+            self.findings.append(
+                Finding(
+                    Severity.WARNING, 'several_joints',
+                    f'{topic.name} carries {len(names)} joints ({", ".join(names)}); the first '
+                    'was taken',
+                    'this may be another motor than the one that the voltage belongs to',
+                    f'choose in a msg_config file, e.g. `field: velocity[name={names[0]}]`',
+                    {'joints': len(names)},
+                )
+            )  # fmt: skip
+
+
+def _nothing_found(bag: Bag, config: MsgConfig) -> str:
+    lines = '\n'.join(f'    {t.name}  ({t.msgtype})' for t in bag.topics.values())
+    wanted = ', '.join(dict.fromkeys(s.topic for s in config.all_sources() if s.topic)) or 'none'
+    first = next(iter(bag.topics.values()))
+    return (
+        f'{bag.path} has none of the topics named in {config.origin} ({wanted}). Its topics are\n'
+        f'{lines}\n'
+        '  Say which of them carries what in a msg_config file, given with --msg-config FILE:\n'
+        '  signals:\n'
+        f'    voltage: {{topic: {first.name}, field: vector.x, unit: V}}\n'
+        f'    speed: {{topic: {first.name}, field: "velocity[0]", unit: rad/s}}'
+    )

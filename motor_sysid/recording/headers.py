@@ -1,0 +1,198 @@
+"""Understand CSV headers that bear their unit: ``speed [rad/s]``, ``speed_rad_s``, ``t_s``."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+import re
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording.sources import MsgConfig, Source, TimeColumn
+from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.units import parse_unit
+
+TIME = 'time'
+ALIASES = {
+    't': TIME, 'timestamp': TIME, 'stamp': TIME,
+    'velocity': 'speed', 'omega': 'speed', 'angular_velocity': 'speed',
+    'angle': 'position', 'theta': 'position',
+    'velocity_reference': 'speed_reference', 'velocity_ref': 'speed_reference',
+    'speed_ref': 'speed_reference', 'position_ref': 'position_reference',
+    'duty_cycle': 'duty', 'pwm_duty': 'duty', 'battery_voltage': 'supply_voltage',
+}  # fmt: skip
+SUFFIXES = {
+    's': 's', 'ms': 'ms', 'us': 'us', 'ns': 'ns', 'v': 'V', 'mv': 'mV', 'a': 'A', 'ma': 'mA',
+    'rad': 'rad', 'deg': 'deg', 'rev': 'turns', 'turns': 'turns', 'counts': 'counts',
+    'rad_s': 'rad/s', 'rad_per_s': 'rad/s', 'deg_s': 'deg/s', 'deg_per_s': 'deg/s', 'rpm': 'rpm',
+    'rev_s': 'turns/s', 'rev_per_s': 'turns/s', 'turns_s': 'turns/s', 'turns_per_s': 'turns/s',
+    'm': 'm', 'mm': 'mm', 'm_s': 'm/s', 'm_per_s': 'm/s', 'mm_s': 'mm/s', 'n': 'N', 'nm': 'N m',
+    'n_m': 'N m', 'mn_m': 'mN m', 'c': 'degC', 'degc': 'degC', 'percent': '%',
+}  # fmt: skip
+USUAL = {
+    'V': 'voltage', 'A': 'current', 'rad/s': 'speed', 'rpm': 'speed', 'm/s': 'speed',
+    'turns/s': 'speed', 'rad': 'position', 'turns': 'position', 'm': 'position', 'N': 'force',
+    'N m': 'torque',
+}  # fmt: skip
+SI_TIME = 's'
+
+
+@dataclass(frozen=True)
+class Heading:
+    """What a header says; `unit` is empty where it says none."""
+
+    column: str
+    signal: str
+    unit: str
+
+
+def understand(column: str, columns: Sequence[str]) -> Heading | None:
+    """Return what a header means, or None if it is not one of ours.
+
+    ``current_a`` is a current in ampere, unless ``current_b`` stands beside it (phases).
+    """
+    match = re.fullmatch(r'(.+?)\s*[\[(](.*)[\])]', column.strip())
+    name = _plain(match[1] if match else column)
+    if match:
+        signal = _signal(name)
+        return Heading(column, signal, match[2].strip() or '-') if signal else None
+    others = {_plain(other) for other in columns}
+    if name == 'current_a' and 'current_b' not in others:
+        return Heading(column, 'current', 'A')
+    if signal := _signal(name):
+        return Heading(column, signal, '')
+    for cut in [i for i, letter in enumerate(name) if letter == '_']:
+        signal, suffix = _signal(name[:cut]), name[cut + 1 :]
+        if signal and suffix in SUFFIXES:
+            return Heading(column, signal, SUFFIXES[suffix])
+    return None
+
+
+def config_from_headers(origin: str, columns: Sequence[str]) -> tuple[MsgConfig, list[Finding]]:
+    """Return the msg_config that the headers of a CSV amount to.
+
+    Raises
+    ------
+    UserError
+        If time or every signal is missing, a unit does not fit, or two columns mean one signal;
+        the message shows the lines of a msg_config file that would help.
+    """
+    headings = [heading for column in columns if (heading := understand(column, columns))]
+    _refuse_twins(origin, headings)
+    time = next((heading for heading in headings if heading.signal == TIME), None)
+    counts = [heading for heading in headings if 'counts' in heading.unit]
+    signals = [heading for heading in headings if heading.signal != TIME and heading not in counts]
+    if time is None or not signals:
+        raise UserError(_help(origin, columns, 'time' if time is None else 'signal'))
+    if time.unit and parse_unit(time.unit).si != SI_TIME:
+        raise UserError(f'{origin}: column `{time.column}` is no time; use s, ms, us or ns')
+    sources = {}
+    for heading in signals:
+        unit = heading.unit if heading.unit != '-' else ''
+        source = Source(heading.signal, column=heading.column, unit=unit)
+        try:
+            source.si_unit()
+        except UserError as error:
+            raise UserError(f'{origin}: column `{heading.column}`: {error}') from None
+        sources[heading.signal] = (source,)
+    config = MsgConfig(sources, TimeColumn(time.column, time.unit or SI_TIME), origin=origin)
+    return config, [*_ignored(columns, headings), *_assumed(headings), *_unscaled(counts)]
+
+
+def _plain(name: str) -> str:
+    return re.sub(r'[\s\-.]+', '_', name.strip().strip('"').lower())
+
+
+def _signal(name: str) -> str:
+    name = ALIASES.get(name, name)
+    return name if name in BY_NAME or name == TIME else ''
+
+
+def _refuse_twins(origin: str, headings: Sequence[Heading]) -> None:
+    seen: dict[str, str] = {}
+    for heading in headings:
+        if heading.signal in seen:
+            raise UserError(
+                f'{origin}: columns `{seen[heading.signal]}` and `{heading.column}` both mean '
+                f'{heading.signal}; choose one through a msg_config file'
+            )
+        seen[heading.signal] = heading.column
+
+
+def _ignored(columns: Sequence[str], headings: Sequence[Heading]) -> list[Finding]:
+    used = {heading.column for heading in headings}
+    left = [column for column in columns if column not in used]
+    if not left:
+        return []
+    return [
+        Finding(
+            Severity.INFO, 'ignored_columns', f'columns not read: {", ".join(left)}',
+            'nothing, if they are not needed',
+            'name them in a msg_config file if they carry a signal',
+            {'columns': len(left)},
+        )
+    ]  # fmt: skip
+
+
+def _assumed(headings: Sequence[Heading]) -> list[Finding]:
+    """Warn where a column bears no unit and one had to be assumed."""
+    found = []
+    for heading in headings:
+        channel = BY_NAME.get(heading.signal)
+        unit = channel.units[0] if channel else SI_TIME
+        if heading.unit or unit == '1':
+            continue
+        found.append(
+            Finding(
+                Severity.WARNING, 'unit_assumed',
+                f'column `{heading.column}` bears no unit; taken as {heading.signal} in {unit}',
+                'a wrong unit gives a wrong model',
+                f'write the header as `{heading.signal} [{unit}]`, with the unit that it is in',
+            )
+        )  # fmt: skip
+    return found
+
+
+def _unscaled(headings: Sequence[Heading]) -> list[Finding]:
+    return [
+        Finding(
+            Severity.WARNING, 'counts_without_scale',
+            f'column `{heading.column}` is in encoder counts, of unknown size; it was left out',
+            f'{heading.signal} is missing from the record',
+            f'in a msg_config file: `{heading.signal}: {{column: {_quoted(heading.column)}, '
+            'unit: counts, counts_per_turn: 2048}`',
+        )
+        for heading in headings
+    ]  # fmt: skip
+
+
+def _help(origin: str, columns: Sequence[str], missing: str) -> str:
+    """Return the error for headers that are not understood, with the YAML that would help."""
+    found = {column: understand(column, columns) for column in columns}
+    time = next((c for c, heading in found.items() if heading and heading.signal == TIME), None)
+    lines = [f'time: {{column: {_quoted(time or columns[0])}, unit: s}}', 'signals:']
+    unread = [column for column, heading in found.items() if not heading and column != time]
+    guesses = _guesses(unread) or {'voltage': (unread[0] if unread else 'COLUMN', 'V')}
+    for signal, (column, unit) in guesses.items():
+        lines.append(f'  {signal}: {{column: {_quoted(column)}, unit: {unit}}}')
+    return (
+        f'{origin}: no column is understood as a {missing}; its columns are '
+        f'{", ".join(columns)}. Write headers with units (`time [s],voltage [V],current [A],'
+        'speed [rad/s],position [rad]`), or say what the columns are in a msg_config file, given '
+        'with --msg-config FILE, for example\n  ' + '\n  '.join(lines)
+    )
+
+
+def _guesses(columns: Sequence[str]) -> dict[str, tuple[str, str]]:
+    """Guess signals from the unit at the end of headers, for an example: (column, unit)."""
+    found: dict[str, tuple[str, str]] = {}
+    for column in sorted(columns, key=len):
+        name = _plain(column)
+        for suffix in sorted(SUFFIXES, key=len, reverse=True):
+            unit = SUFFIXES[suffix]
+            if name.endswith(f'_{suffix}') and unit in USUAL:
+                found.setdefault(USUAL[unit], (column, unit))
+                break
+    return found
+
+
+def _quoted(text: str) -> str:
+    return "'" + text.replace("'", "''") + "'"

@@ -1,0 +1,286 @@
+"""Read msg_config files: which topic or column carries which signal, in which unit and sign."""
+
+from collections.abc import Callable, Collection, Hashable, Mapping
+from pathlib import Path
+
+import yaml
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording.field_path import parse_path
+from motor_sysid.recording.sources import Condition, ISO, MsgConfig, Source, TimeColumn
+from motor_sysid.resources import shipped_file
+from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.units import did_you_mean, parse_unit
+
+TOP_KEYS = ('description', 'namespace', 'base_clock', 'max_gap', 'time', 'segment_by', 'stamp',
+            'signals')  # fmt: skip
+PLACES = ('topic', 'column', 'product', 'sum', 'constant')
+SOURCE_KEYS = (*PLACES, 'type', 'field', 'unit', 'scale', 'offset', 'sign', 'counts_per_turn',
+               'gear_ratio', 'stamp', 'stamp_unit', 'when', 'optional')  # fmt: skip
+TIME_KEYS = ('column', 'unit')
+CONDITION_KEYS = ('field', 'is', 'is_not')
+
+Table = Mapping[str, object]
+
+
+def load_msg_config(name: str | Path) -> MsgConfig:
+    """Read a msg_config file.
+
+    Parameters
+    ----------
+    name:
+        Path of a file, or the name of one that ships with the package, such as ``emps``.
+
+    Raises
+    ------
+    UserError
+        If it cannot be read or says something that is not understood; the message names the key
+        and those that are allowed.
+    """
+    path = Path(name)
+    if not path.is_file():
+        if path.suffix or len(path.parts) > 1:
+            raise UserError(f'msg_config file {path} does not exist')
+        path = shipped_file('msg_config', str(name))
+    try:
+        content = yaml.load(path.read_text(encoding='utf8'), _UniqueKeys)
+    except yaml.YAMLError as error:
+        raise UserError(f'{path} is not valid YAML: {_one_line(error)}') from None
+    except (UnicodeDecodeError, OSError) as error:
+        raise UserError(f'{path} cannot be read: {error}') from None
+    return parse_msg_config(content, str(path))
+
+
+def parse_msg_config(content: object, origin: str = 'msg_config') -> MsgConfig:
+    """Check the content of a msg_config file; see `load_msg_config`."""
+    reader = _Reader(origin)
+    top = reader.table(content, '', TOP_KEYS)
+    signals = reader.table(top.get('signals'), 'signals', None)
+    if not signals:
+        raise UserError(f'{origin}: `signals` is missing or empty; list at least one signal')
+    stamp = reader.text(top, 'stamp', 'header')
+    sources = {
+        reader.signal_name(name): reader.sources(entry, name, stamp)
+        for name, entry in signals.items()
+    }
+    config = MsgConfig(
+        sources=sources,
+        time=reader.time(top.get('time')),
+        segment_by=reader.text(top, 'segment_by'),
+        namespace=reader.text(top, 'namespace').strip('/'),
+        base_clock=reader.text(top, 'base_clock'),
+        max_gap=reader.number(top, 'max_gap', 0.0) or None,
+        origin=origin,
+        description=reader.text(top, 'description'),
+    )
+    reader.check(config)
+    return config
+
+
+class _Reader:
+    """Reads entries of one file, and says which one is wrong."""
+
+    def __init__(self, origin: str) -> None:
+        self.origin = origin
+
+    def fail(self, where: str, problem: str) -> UserError:
+        """Return the error that names file and key."""
+        return UserError(f'{self.origin}: {f"`{where}` " if where else ""}{problem}')
+
+    def table(self, value: object, where: str, allowed: Collection[str] | None) -> Table:
+        """Return a mapping with known keys only."""
+        if value is None:
+            return {}
+        if not isinstance(value, dict):
+            raise self.fail(where, f'must be a mapping of keys to values, not `{value}`')
+        for key in value:
+            if allowed is not None and key not in allowed:
+                raise self.fail(
+                    where,
+                    f'has no key `{key}`{did_you_mean(str(key), allowed)}; '
+                    f'allowed are {", ".join(allowed)}',
+                )
+        return {str(key): entry for key, entry in value.items()}
+
+    def text(self, table: Table, key: str, default: str = '', where: str = '') -> str:
+        """Return a text entry."""
+        value = table.get(key, default)
+        if isinstance(value, bool) or not isinstance(value, (str, int)):
+            raise self.fail(_join(where, key), f'must be a text, not `{value}`')
+        return str(value).strip()
+
+    def number(self, table: Table, key: str, default: float, where: str = '') -> float:
+        """Return a number entry."""
+        value = table.get(key, default)
+        try:
+            if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+                raise ValueError
+            return float(value)  # YAML reads 1e-3 as a text
+        except ValueError:
+            raise self.fail(_join(where, key), f'must be a number, not `{value}`') from None
+
+    def names(self, table: Table, key: str, where: str) -> tuple[str, ...]:
+        """Return an entry that lists texts (one alone may stand without brackets)."""
+        value = table.get(key, [])
+        listed = value if isinstance(value, list) else [value]
+        if not all(isinstance(item, str) for item in listed):
+            raise self.fail(_join(where, key), f'must be a list of names, not `{value}`')
+        return tuple(listed)
+
+    def signal_name(self, name: str) -> str:
+        """Return a signal name: a canonical one, or a helper that begins with ``_``."""
+        if name in BY_NAME or name.startswith('_'):
+            return name
+        raise self.fail(
+            f'signals.{name}',
+            f'is not a signal{did_you_mean(name, BY_NAME)}; signals are {", ".join(BY_NAME)}; '
+            'a helper for product and sum begins with `_`',
+        )
+
+    def time(self, value: object) -> TimeColumn | None:
+        """Return the time column; ``time: t_s`` alone means seconds."""
+        if value is None:
+            return None
+        if isinstance(value, str):
+            return TimeColumn(value)
+        table = self.table(value, 'time', TIME_KEYS)
+        column = self.text(table, 'column', where='time')
+        unit = self.text(table, 'unit', 's', 'time')
+        if not column:
+            raise self.fail('time', 'needs `column: HEADER`')
+        if unit != ISO and parse_unit(unit).si != 's':
+            raise self.fail('time.unit', f'must be a time (s, ms, us, ns, {ISO}), not `{unit}`')
+        return TimeColumn(column, unit)
+
+    def sources(self, entry: object, name: str, stamp: str) -> tuple[Source, ...]:
+        """Return the source or the list of alternative sources of a signal."""
+        entries = entry if isinstance(entry, list) else [entry]
+        if not entries:
+            raise self.fail(f'signals.{name}', 'has no source')
+        return tuple(self.source(item, name, stamp) for item in entries)
+
+    def source(self, entry: object, name: str, stamp: str) -> Source:
+        """Return one source."""
+        where = f'signals.{name}'
+        table = self.table(entry, where, SOURCE_KEYS)
+        given = [key for key in PLACES if key in table]
+        if len(given) != 1:
+            raise self.fail(where, f'needs exactly one of {", ".join(PLACES)}, has {given}')
+        source = Source(
+            signal=name,
+            topic=self.text(table, 'topic', where=where),
+            type=self.text(table, 'type', where=where),
+            field=self.text(table, 'field', where=where),
+            column=self.text(table, 'column', where=where),
+            product=self.names(table, 'product', where),
+            sum=self.names(table, 'sum', where),
+            constant=self.number(table, 'constant', 0.0, where) if 'constant' in table else None,
+            unit=self.text(table, 'unit', where=where),
+            scale=self.number(table, 'scale', 1.0, where),
+            offset=self.number(table, 'offset', 0.0, where),
+            sign=self.sign(table, where),
+            counts_per_turn=self.number(table, 'counts_per_turn', 0.0, where),
+            gear_ratio=self.number(table, 'gear_ratio', 1.0, where),
+            stamp=self.text(table, 'stamp', stamp, where),
+            stamp_unit=self.text(table, 'stamp_unit', 's', where),
+            when=self.condition(table.get('when'), where),
+            optional=table.get('optional', False) is True,
+        )
+        self.check_source(source, where)
+        return source
+
+    def sign(self, table: Table, where: str) -> int:
+        """Return 1 or -1."""
+        value = self.number(table, 'sign', 1.0, where)
+        if value not in (1.0, -1.0):
+            raise self.fail(f'{where}.sign', f'must be 1 or -1, not {value:g}')
+        return int(value)
+
+    def condition(self, entry: object, where: str) -> Condition | None:
+        """Return a ``when`` entry."""
+        if entry is None:
+            return None
+        table = self.table(entry, f'{where}.when', CONDITION_KEYS)
+        field = self.text(table, 'field', 'header.frame_id', f'{where}.when')
+        allowed = self.names(table, 'is', f'{where}.when')
+        refused = self.names(table, 'is_not', f'{where}.when')
+        return Condition(field, frozenset(allowed), frozenset(refused))
+
+    def check_source(self, source: Source, where: str) -> None:
+        """Refuse what cannot be right in one source."""
+        checks: tuple[tuple[bool, str], ...] = (
+            (bool(source.topic) and not source.field, 'needs `field`, e.g. `field: vector.x`'),
+            (not source.topic and bool(source.field), '`field` goes with `topic` only'),
+            (source.gear_ratio <= 0, f'`gear_ratio` is {source.gear_ratio:g}, must be above 0'),
+            (source.counts_per_turn < 0, '`counts_per_turn` must be above 0'),
+            (source.scale == 0, '`scale` is 0, so that the signal would be constant'),
+        )
+        for wrong, problem in checks:
+            if wrong:
+                raise self.fail(where, problem)
+        paths = [source.field] if source.field else []
+        paths += [source.stamp] if source.stamp not in {'header', 'receive'} else []
+        for step in (*(_parser(parse_path, path) for path in paths), source.si_unit):
+            try:
+                step()
+            except UserError as error:
+                raise self.fail(where, str(error)) from None
+
+    def check(self, config: MsgConfig) -> None:
+        """Refuse what cannot be right between the signals."""
+        for source in config.all_sources():
+            for part in source.parts:
+                if part not in config.sources:
+                    raise self.fail(
+                        f'signals.{source.signal}',
+                        f'is computed from `{part}`{did_you_mean(part, config.sources)}, '
+                        'which is not among the signals',
+                    )
+        if config.base_clock and config.base_clock not in config.sources:
+            raise self.fail('base_clock', f'`{config.base_clock}` is not among the signals')
+        if all(source.derived for source in config.all_sources()):
+            raise self.fail('signals', 'reads nothing: every signal is computed')
+        _order(config, self)
+
+
+def _order(config: MsgConfig, reader: _Reader) -> None:
+    """Refuse signals that are computed from each other in a circle."""
+
+    def visit(name: str, path: tuple[str, ...]) -> None:
+        if name in path:
+            raise reader.fail('signals', f'form a circle: {" from ".join((*path, name))}')
+        for source in config.sources[name]:
+            for part in source.parts:
+                visit(part, (*path, name))
+
+    for name in config.sources:
+        visit(name, ())
+
+
+class _UniqueKeys(yaml.SafeLoader):
+    """A loader that refuses a key given twice, which YAML would silently let win."""
+
+    def construct_mapping(
+        self, node: yaml.MappingNode, deep: bool = False
+    ) -> dict[Hashable, object]:
+        seen: set[Hashable] = set()
+        for key_node, _ in node.value:
+            key = self.construct_object(key_node, deep=True)
+            if isinstance(key, Hashable) and key in seen:
+                raise yaml.constructor.ConstructorError(
+                    None, None, f'key `{key}` stands twice', key_node.start_mark
+                )
+            seen.add(key)
+        return super().construct_mapping(node, deep)
+
+
+def _parser(parse: Callable[[str], object], text: str) -> Callable[[], object]:
+    return lambda: parse(text)
+
+
+def _join(where: str, key: str) -> str:
+    return f'{where}.{key}' if where else key
+
+
+def _one_line(error: yaml.YAMLError) -> str:
+    return ' '.join(str(error).split())

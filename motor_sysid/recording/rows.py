@@ -1,0 +1,287 @@
+"""Rows of signals as they were read, and the way from there to clean records."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.signals.channels import CHANNELS
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.record import Provenance, Record
+from motor_sysid.signals.units import TURN
+
+Array = NDArray[np.float64]
+
+GAP_STEPS = 10
+"""A step longer than this many median steps ends a record, unless such steps are common."""
+COMMON_STEPS = 3
+"""... more than this many times the 99th percentile, on irregular sampling."""
+SHORTEST = 10
+"""Pieces of fewer samples are left out where longer ones exist."""
+ORDER = {channel.name: i for i, channel in enumerate(CHANNELS)}
+MOST_LATE = 0.2
+LATEST = 1.0
+"""Rows count as overtaken, not as a new start, up to this share and delay (s)."""
+EPOCH = 1e7
+"""A time above this (s) is a date; the record then starts at 0."""
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Signals on one time axis that may still have gaps, holes and repeated stamps.
+
+    Attributes
+    ----------
+    time:
+        (N,) s.
+    signals, units:
+        As in `Record`.
+    label:
+        What this stretch is called, e.g. the name of a test; empty if it has none.
+    """
+
+    time: Array
+    signals: Mapping[str, Array]
+    units: Mapping[str, str]
+    label: str = ''
+
+    def take(self, which: 'slice | NDArray[np.bool_] | NDArray[np.intp]') -> 'Rows':
+        """Return some of the rows."""
+        signals = {name: values[which] for name, values in self.signals.items()}
+        return replace(self, time=self.time[which], signals=signals)
+
+
+def unwrapped(values: Array, unit: str) -> Array:
+    """Return an angle (N,) rad made continuous where it jumps by a turn; others unchanged.
+
+    Only what stays within one turn and jumps by most of it is taken as wrapped.
+    """
+    finite = np.isfinite(values)
+    inside = values[finite]
+    if unit != 'rad' or inside.size < 3 or np.ptp(inside) > TURN * (1 + 1e-6):
+        return values
+    if np.max(np.abs(np.diff(inside))) < 0.8 * TURN:
+        return values
+    result = values.copy()
+    result[finite] = np.unwrap(inside)
+    return result
+
+
+def records_from(
+    rows: Rows, provenance: Provenance, max_gap: float | None
+) -> tuple[list[Record], list[Finding]]:
+    """Clean rows into records: holes and repeated stamps dropped, split at jumps and gaps.
+
+    No records are returned if nothing is left.
+    """
+    findings: list[Finding] = []
+    rows = _without_empty(rows, findings)
+    rows = _without_holes(rows, findings)
+    rows = _in_order(rows, findings)
+    pieces = [_without_repeats(piece, findings) for piece in _monotonic(rows, findings)]
+    pieces = [part for piece in pieces for part in _contiguous(piece, max_gap, findings)]
+    pieces = _without_stubs(pieces, findings)
+    return [_record(piece, provenance) for piece in pieces], _merged(findings)
+
+
+def _without_empty(rows: Rows, findings: list[Finding]) -> Rows:
+    """Leave out signals that have no value at all."""
+    empty = [name for name, values in rows.signals.items() if not np.any(np.isfinite(values))]
+    if not empty:
+        return rows
+    findings.append(
+        Finding(
+            Severity.WARNING, 'empty_signal', f'no value at all in {", ".join(empty)}; left out',
+            'the model is fitted without it', 'check the sensor, column or field',
+        )
+    )  # fmt: skip
+    kept = {name: values for name, values in rows.signals.items() if name not in empty}
+    return replace(rows, signals=kept)
+
+
+def _without_holes(rows: Rows, findings: list[Finding]) -> Rows:
+    """Drop rows with a value that is missing or not finite."""
+    good = np.isfinite(rows.time)
+    counts: dict[str, float] = {}
+    for name, values in rows.signals.items():
+        finite = np.isfinite(values)
+        if not np.all(finite):
+            counts[name] = float(np.sum(~finite))
+            good &= finite
+    lost = int(np.sum(~good))
+    if lost == 0:
+        return rows
+    share = lost / len(good)
+    where = ', '.join(f'{name} {count:.0f}' for name, count in counts.items()) or 'time'
+    first = int(np.argmin(good))
+    findings.append(
+        Finding(
+            Severity.WARNING, 'missing_values',
+            f'{lost} of {len(good)} rows ({share:.1%}) have no finite value ({where}; first at '
+            f'row {first + 1}); left out',
+            'the record has holes there' if share < 0.2 else 'most of the timing may be lost',
+            'look for the cause in the sensor or the logger; signals of different rates belong '
+            'into separate topics or files',
+            {'rows': lost, **{f'rows_{name}': count for name, count in counts.items()}},
+        )
+    )  # fmt: skip
+    return rows.take(good)
+
+
+def true_order(time: Array) -> NDArray[np.intp] | None:
+    """Return the order in which rows were measured where a few of them arrived late.
+
+    A row is late if its time lies before that of a row above it.  Few such rows, by little, that
+    fall into places left free for them were overtaken on the way (random transport delays); a
+    clock that was set back leaves no such places, and None is returned.
+
+    Parameters
+    ----------
+    time:
+        (N,) s.
+    """
+    depth = np.maximum.accumulate(time) - time
+    late = depth > 0
+    order = np.argsort(time, kind='stable')
+    steps = np.diff(time[order])
+    if np.mean(late) > MOST_LATE or np.max(depth) > LATEST:
+        return None
+    crowded = np.sum(steps < 0.3 * np.median(steps))
+    return order if crowded < 0.5 * np.sum(late) else None
+
+
+def _in_order(rows: Rows, findings: list[Finding]) -> Rows:
+    """Put rows that arrived late where they belong."""
+    if rows.time.size < 3 or np.all(np.diff(rows.time) >= 0):
+        return rows
+    order = true_order(rows.time)
+    if order is None:
+        return rows
+    findings.append(out_of_order('rows', int(np.sum(np.diff(rows.time) < 0))))
+    return rows.take(order)
+
+
+def out_of_order(what: str, count: int) -> Finding:
+    """Return the finding for rows or messages that were put back in order."""
+    return Finding(
+        Severity.INFO, 'out_of_order',
+        f'{what} overtook each other {count} times; sorted by their stamps',
+        'none', 'nothing to do', {'times': count},
+    )  # fmt: skip
+
+
+def _monotonic(rows: Rows, findings: list[Finding]) -> Iterator[Rows]:
+    """Split where time jumps backward."""
+    back = np.flatnonzero(np.diff(rows.time) < 0) + 1
+    if back.size:
+        first = int(back[0])
+        findings.append(
+            Finding(
+                Severity.WARNING, 'time_jumps_back',
+                f'time jumps back {back.size} times, first from {rows.time[first - 1]:.6g} s to '
+                f'{rows.time[first]:.6g} s at row {first + 1}; split into separate records there',
+                'each record is simulated from its own start',
+                'if these are several tests in one file, name their column as `segment_by` in a '
+                'msg_config file; else look for a clock that was set',
+                {'jumps': back.size, 'from_s': rows.time[first - 1], 'to_s': rows.time[first]},
+            )
+        )  # fmt: skip
+    for start, stop in pairwise([0, *back.tolist(), len(rows.time)]):
+        yield rows.take(slice(start, stop))
+
+
+def _without_repeats(rows: Rows, findings: list[Finding]) -> Rows:
+    """Keep the first of rows with the same stamp."""
+    fresh = np.diff(rows.time, prepend=-np.inf) > 0
+    lost = int(np.sum(~fresh))
+    if lost:
+        coarse = lost > 0.1 * len(fresh)
+        findings.append(
+            Finding(
+                Severity.WARNING, 'repeated_stamps',
+                f'{lost} of {len(fresh)} rows repeat the time of the row before; left out',
+                'the stamps are coarser than the sampling, so samples are lost and the rest is '
+                'jittery' if coarse else 'none, if they were sent twice',
+                'write more decimals of the time' if coarse else 'nothing to do',
+                {'rows': lost},
+            )
+        )  # fmt: skip
+    return rows.take(fresh)
+
+
+def gap_limit(time: Array) -> float:
+    """Return the step in s above which a gap ends a record."""
+    steps = np.diff(time)
+    if steps.size == 0:
+        return np.inf
+    common = COMMON_STEPS * np.quantile(steps, 0.99) if steps.size > 100 else 0.0
+    return float(max(GAP_STEPS * np.median(steps), common))
+
+
+def _contiguous(rows: Rows, max_gap: float | None, findings: list[Finding]) -> list[Rows]:
+    """Split at gaps."""
+    limit = max_gap or gap_limit(rows.time)
+    steps = np.diff(rows.time)
+    cuts = np.flatnonzero(steps > limit) + 1
+    if cuts.size:
+        longest = int(np.argmax(steps))
+        findings.append(
+            Finding(
+                Severity.WARNING, 'gap',
+                f'{cuts.size} gaps of more than {limit:.3g} s, the longest {steps[longest]:.3g} s '
+                f'after {rows.time[longest]:.6g} s; split into separate records there',
+                'each record is simulated from its own start',
+                'if the signals are slow by nature, allow it with `max_gap` in a msg_config file',
+                {'gaps': cuts.size, 'longest_s': steps[longest], 'limit_s': limit},
+            )
+        )  # fmt: skip
+    edges = [0, *cuts.tolist(), len(rows.time)]
+    return [rows.take(slice(start, stop)) for start, stop in pairwise(edges)]
+
+
+def _without_stubs(pieces: list[Rows], findings: list[Finding]) -> list[Rows]:
+    """Leave out pieces that are too short to be of use."""
+    longest = max((piece.time.size for piece in pieces), default=0)
+    shortest = SHORTEST if longest >= SHORTEST else 2
+    kept = [piece for piece in pieces if piece.time.size >= shortest]
+    lost = sum(piece.time.size for piece in pieces if piece.time.size < shortest)
+    if lost:
+        findings.append(
+            Finding(
+                Severity.INFO, 'stubs',
+                f'{lost} samples in pieces of fewer than {shortest} were left out',
+                'none', 'nothing to do', {'samples': lost},
+            )
+        )  # fmt: skip
+    return kept
+
+
+def _record(rows: Rows, provenance: Provenance) -> Record:
+    time = rows.time
+    if rows.label:
+        provenance = provenance.noting(f'part `{rows.label}`')
+    if time[0] > EPOCH:
+        provenance = provenance.noting(f'time counts from {time[0]:.9f} s')
+        time = time - time[0]
+    names = sorted(rows.signals, key=lambda name: (ORDER.get(name, len(ORDER)), name))
+    signals = {name: rows.signals[name] for name in names}
+    return Record(time, signals, {name: rows.units[name] for name in names}, provenance)
+
+
+def _merged(findings: list[Finding]) -> list[Finding]:
+    """Keep one finding of each code, the one that concerns most, and say how often it came."""
+    kept: dict[str, Finding] = {}
+    times: dict[str, int] = {}
+    for finding in findings:
+        times[finding.code] = times.get(finding.code, 0) + 1
+        old = kept.get(finding.code)
+        if old is None or max(finding.numbers.values()) > max(old.numbers.values()):
+            kept[finding.code] = finding
+    return [
+        replace(finding, message=f'{finding.message} (and in {times[code] - 1} other stretches)')
+        if times[code] > 1
+        else finding
+        for code, finding in kept.items()
+    ]

@@ -1,0 +1,195 @@
+"""Where each signal of a record comes from: the content of a msg_config file, checked."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.units import COUNT, parse_unit, TURN, Unit
+
+Array = NDArray[np.float64]
+
+DIVIDED_BY_GEAR = frozenset({'position', 'speed', 'position_reference', 'speed_reference'})
+
+
+@dataclass(frozen=True)
+class Condition:
+    """A source counts only if a text field of the topic's first message is (not) one of these."""
+
+    field: str
+    allowed: frozenset[str] = frozenset()
+    refused: frozenset[str] = frozenset()
+
+    def holds(self, text: str) -> bool:
+        """Tell whether the text meets the condition."""
+        return text not in self.refused and (not self.allowed or text in self.allowed)
+
+
+@dataclass(frozen=True)
+class Source:
+    """One source of one signal.
+
+    The value in SI is ``sign * (scale * raw + offset)``, taken from `unit` to SI, and for position
+    and speed divided by `gear_ratio`.
+
+    Attributes
+    ----------
+    signal:
+        Name in the record; a name that begins with ``_`` is a helper and does not get there.
+    topic, type, field:
+        Topic, message type (checked if given) and path of the value, for a bag.
+    column:
+        Header of the column, for a CSV.
+    product, sum:
+        Names of other signals to multiply or add.
+    constant:
+        A number, for what is not recorded.
+    unit:
+        Unit of the scaled value; default: the usual SI unit of the signal.
+    counts_per_turn:
+        Needed for the units ``counts`` and ``counts/s``.
+    gear_ratio:
+        Turns of the sensor's shaft per turn of the record's shaft.
+    stamp:
+        ``header``, ``receive`` or the path of a time or number in the message.
+    stamp_unit:
+        Unit of that number.
+    when:
+        Condition on the topic's first message.
+    optional:
+        Whether it may be absent.
+    """
+
+    signal: str
+    topic: str = ''
+    type: str = ''
+    field: str = ''
+    column: str = ''
+    product: tuple[str, ...] = ()
+    sum: tuple[str, ...] = ()
+    constant: float | None = None
+    unit: str = ''
+    scale: float = 1.0
+    offset: float = 0.0
+    sign: int = 1
+    counts_per_turn: float = 0.0
+    gear_ratio: float = 1.0
+    stamp: str = 'header'
+    stamp_unit: str = 's'
+    when: Condition | None = None
+    optional: bool = False
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The signals that this one is computed from."""
+        return self.product or self.sum
+
+    @property
+    def derived(self) -> bool:
+        """Whether it is computed rather than read."""
+        return bool(self.parts) or self.constant is not None
+
+    def si_unit(self) -> str:
+        """Return the SI unit that the values have.
+
+        Raises
+        ------
+        UserError
+            If the unit does not fit the signal.
+        """
+        unit = self._parsed_unit()
+        si = unit.si.replace(COUNT, 'rad') if self.counts_per_turn else unit.si
+        channel = BY_NAME.get(self.signal)
+        if COUNT in si:
+            raise UserError(
+                f'`{self.signal}` is given in {unit.symbol}; '
+                'add `counts_per_turn: N` to its source in a msg_config file'
+            )
+        if channel and si not in channel.units:
+            raise UserError(
+                f'`{self.signal}` is given in `{unit.symbol}`, which is no unit of it; '
+                f'it takes anything that converts to {" or ".join(channel.units)}'
+            )
+        return si
+
+    def to_si(self, raw: Array) -> Array:
+        """Scale raw values (N,) and convert them to SI."""
+        values = raw
+        if self.scale != 1 or self.offset != 0 or self.sign != 1:
+            values = self.sign * (self.scale * raw + self.offset)
+        values = self._parsed_unit().to_si(values)
+        if self.counts_per_turn:
+            values = values * (TURN / self.counts_per_turn)
+        if self.gear_ratio != 1:
+            turns = self.signal in DIVIDED_BY_GEAR
+            values = values / self.gear_ratio if turns else values * self.gear_ratio
+        return values
+
+    def _parsed_unit(self) -> Unit:
+        channel = BY_NAME.get(self.signal)
+        return parse_unit(self.unit or (channel.units[0] if channel else '1'))
+
+    def describe(self) -> str:
+        """Return where it comes from and what is done to it, for the notes of a record."""
+        place = self.column or f'{self.topic} {self.field}'.strip()
+        if self.parts:
+            place = (' * ' if self.product else ' + ').join(self.parts)
+        elif self.constant is not None:
+            place = f'{self.constant:g}'
+        steps = [f'* {self.scale:g}'] if self.scale != 1 else []
+        steps += [f'+ {self.offset:g}'] if self.offset else []
+        steps += ['sign changed'] if self.sign < 0 else []
+        steps += [f'gear {self.gear_ratio:g}'] if self.gear_ratio != 1 else []
+        return ' '.join([place, *steps, f'[{self.unit}]' if self.unit else ''])
+
+
+ISO = 'iso8601'
+"""Unit of a time column that holds dates."""
+
+
+@dataclass(frozen=True)
+class TimeColumn:
+    """The column of a CSV that carries the time; its unit may be `ISO`."""
+
+    column: str
+    unit: str = 's'
+
+
+@dataclass(frozen=True)
+class MsgConfig:
+    """Which topic or column carries which signal.
+
+    Attributes
+    ----------
+    sources:
+        Signal to its sources; the first one that the data has is taken.
+    time:
+        Time column of a CSV.
+    segment_by:
+        Column whose every change begins a new record.
+    namespace:
+        Prefix of the topics, where a bag has several robots.
+    base_clock:
+        Signal whose stamps become the time of the record; default: that of the fastest topic.
+    max_gap:
+        Largest step in s within one record; default: from the data.
+    origin:
+        File it was read from, for messages.
+    """
+
+    sources: Mapping[str, tuple[Source, ...]]
+    time: TimeColumn | None = None
+    segment_by: str = ''
+    namespace: str = ''
+    base_clock: str = ''
+    max_gap: float | None = None
+    origin: str = ''
+    description: str = ''
+    notes: tuple[str, ...] = field(default=())
+
+    def all_sources(self) -> tuple[Source, ...]:
+        """Return every source of every signal."""
+        return tuple(source for sources in self.sources.values() for source in sources)

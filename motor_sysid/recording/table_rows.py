@@ -1,0 +1,95 @@
+"""From the columns of a CSV to rows of signals, as a msg_config says."""
+
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording.rows import Rows, unwrapped
+from motor_sysid.recording.sources import ISO, MsgConfig, Source, TimeColumn
+from motor_sysid.recording.table import Table
+from motor_sysid.signals.units import parse_unit
+
+Array = NDArray[np.float64]
+
+
+def rows_of_table(table: Table, config: MsgConfig) -> tuple[list[Rows], dict[str, Source]]:
+    """Read the signals that a msg_config names.
+
+    Returns
+    -------
+    tuple
+        Rows (one for each run of the column `segment_by`), and the source of each signal.
+
+    Raises
+    ------
+    UserError
+        If a column is missing, or holds text where numbers should be.
+    """
+    if config.time is None:
+        raise UserError(
+            f'{config.origin} names no time column; add `time: {{column: {table.names[0]}, '
+            f'unit: s}}`; the columns of {table.path} are {", ".join(table.names)}'
+        )
+    chosen = _choose(table, config)
+    columns = [source.column for source in chosen.values()]
+    dated = config.time.unit == ISO
+    wanted = columns if dated else [config.time.column, *columns]
+    numbers = table.numbers(list(dict.fromkeys(wanted)))
+    time = (
+        _dates(table, config.time)
+        if dated
+        else parse_unit(config.time.unit).to_si(numbers[config.time.column])
+    )
+    units = {name: source.si_unit() for name, source in chosen.items()}
+    signals = {
+        name: unwrapped(source.to_si(numbers[source.column]), units[name])
+        for name, source in chosen.items()
+    }
+    if time.size != next(iter(signals.values())).size:
+        raise UserError(f'{table.path}: rows have different numbers of columns')
+    return _segments(Rows(time, signals, units), table, config), chosen
+
+
+def _choose(table: Table, config: MsgConfig) -> dict[str, Source]:
+    """Take the first source of each signal that the table has."""
+    chosen: dict[str, Source] = {}
+    for name, sources in config.sources.items():
+        columns = [source for source in sources if source.column]
+        for source in columns:
+            if name not in chosen and source.column in table.names:
+                chosen[name] = source
+        required = [source for source in columns if not source.optional]
+        if name not in chosen and required:
+            table.position(required[0].column)  # raises, and names the columns
+    if not chosen:
+        raise UserError(
+            f'{config.origin} names no column of {table.path}; its columns are '
+            f'{", ".join(table.names)}; write e.g. '
+            f'`voltage: {{column: {table.names[-1]}, unit: V}}`'
+        )
+    return chosen
+
+
+def _dates(table: Table, time: TimeColumn) -> Array:
+    """Time in s since the first row, from dates such as ``2025-11-12T10:03:29.555Z``."""
+    texts = [text.rstrip('Zz') for text in table.texts(time.column)]
+    try:
+        stamps = np.array(texts, dtype='datetime64[ns]')
+    except ValueError as error:
+        raise UserError(f'{table.path}: column `{time.column}` holds no dates: {error}') from None
+    return np.asarray((stamps - stamps[0]).astype(np.int64) / 1e9, dtype=np.float64)
+
+
+def _segments(rows: Rows, table: Table, config: MsgConfig) -> list[Rows]:
+    """Cut where the column named by `segment_by` changes."""
+    if not config.segment_by:
+        return [rows]
+    labels = np.array(table.texts(config.segment_by))
+    edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), labels.size]
+    return [
+        replace(rows.take(slice(start, stop)), label=str(labels[start]))
+        for start, stop in pairwise(edges)
+    ]
