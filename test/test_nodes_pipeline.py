@@ -1,0 +1,272 @@
+"""From raw messages to estimates: the parts of the nodes that need no ROS."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+import random
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+from numpy.typing import NDArray
+import pytest
+from rosbags.typesys import get_typestore, Stores
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.stream import EstimateStream, Event, Rates
+from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, plan_topics
+from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
+from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
+from motor_sysid.physics.model import Model
+from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.recording.sources import Source
+from motor_sysid.signals.join import StampJoin
+
+Array = NDArray[np.float64]
+SECOND = 1_000_000_000
+STORE = get_typestore(Stores.ROS2_JAZZY)
+STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
+JOINT = 'sensor_msgs/msg/JointState'
+VECTOR = 'geometry_msgs/msg/Vector3Stamped'
+
+
+def header(stamp: int, frame: str = '') -> object:
+    time = STORE.types['builtin_interfaces/msg/Time'](*divmod(stamp, SECOND))
+    return STORE.types['std_msgs/msg/Header'](time, frame)
+
+
+def joint(stamp: int, names: list[str], position: list[float], velocity: list[float]) -> bytes:
+    message = STORE.types[JOINT](
+        header(stamp), names, np.array(position), np.array(velocity), np.array([])
+    )
+    return bytes(STORE.serialize_cdr(message, JOINT))
+
+
+def vector(stamp: int, x: float, frame: str = 'dc') -> bytes:
+    inner = STORE.types['geometry_msgs/msg/Vector3'](x, 0.0, 0.0)
+    return bytes(STORE.serialize_cdr(STORE.types[VECTOR](header(stamp, frame), inner), VECTOR))
+
+
+# --- numbers from CDR
+
+
+def test_numbers_are_those_that_were_sent_whatever_the_shape() -> None:
+    reader = FieldReader(JOINT, (*STAMP, 'velocity[0]', 'position[0]', 'velocity[name=b]'))
+    messages = [
+        (joint(5_000_000_007, ['a'], [1.5], [2.5]), (5, 7, 2.5, 1.5, None)),
+        (joint(6, ['a', 'b'], [1.0, 2.0], [3.0, 4.0]), (0, 6, 3.0, 1.0, 4.0)),
+        (joint(6, ['b', 'a'], [1.0, 2.0], [3.0, 4.0]), (0, 6, 3.0, 1.0, 3.0)),
+        (joint(6, ['a'], [], [3.0]), (0, 6, 3.0, None, None)),
+        (joint(6, ['a'], [3.0], []), (0, 6, None, 3.0, None)),
+    ]
+    for data, expected in messages * 2:
+        found = reader.read(data + b'\xde\xad')  # rclpy may append bytes of no meaning
+        assert [None if v != v else v for v in found] == list(expected)
+
+
+def test_a_message_cut_short_is_refused() -> None:
+    reader = FieldReader(VECTOR, (*STAMP, 'vector.x'))
+    with pytest.raises(UserError, match='Vector3Stamped'):
+        reader.read(vector(1, 1.0)[:26])
+    with pytest.raises(UserError, match='not a number'):
+        FieldReader(VECTOR, ('header.frame_id',)).read(vector(1, 1.0))
+
+
+# --- joining
+
+
+@given(st.lists(st.integers(0, 2), max_size=60), st.sets(st.tuples(
+    st.integers(0, 2), st.integers(0, 19)), max_size=12))  # fmt: skip
+def test_the_join_depends_on_the_messages_not_on_their_arrival(
+    order: list[int], lost: set[tuple[int, int]]
+) -> None:
+    sent = [[k for k in range(20) if (topic, k) not in lost] for topic in range(3)]
+    complete = [k for k in range(20) if all(k in stamps for stamps in sent)]
+    join, rows, pointer = StampJoin(3), [], [0, 0, 0]
+    for topic in [*order, *([0] * 20), *([1] * 20), *([2] * 20)]:
+        if pointer[topic] < len(sent[topic]):
+            stamp = sent[topic][pointer[topic]]
+            join.push(topic, stamp, (float(10 * topic + stamp),))
+            pointer[topic] += 1
+            rows += join.pop()
+    assert [stamp for stamp, _ in rows] == complete
+    assert all(row == (k, (float(k), 10.0 + k, 20.0 + k)) for row, k in zip(rows, complete))  # noqa: B905
+    assert join.counts.joined == len(complete)
+
+
+def test_what_has_no_partner_is_dropped_and_counted() -> None:
+    join = StampJoin(2, limit=10)
+    for stamp in range(15):
+        join.push(0, stamp, ())
+    assert (join.pop(), join.counts.overflow) == ([], 5)
+    join.push(1, 3, ())
+    join.push(1, 8, ())
+    join.push(1, 8, ())
+    assert [stamp for stamp, _ in join.pop()] == [8]
+    assert (join.counts.incomplete, join.counts.out_of_order) == (1 + 3, 1)
+    join.push(0, 10 * SECOND, ())
+    join.push(0, 3, ())
+    assert join.counts.restarts == 1
+
+
+def test_a_tolerance_joins_stamps_that_differ_a_little() -> None:
+    join = StampJoin(2, tolerance=10)
+    for stamp in (0, 100, 200):
+        join.push(0, stamp, (1.0,))
+    for stamp in (7, 150, 195):
+        join.push(1, stamp, (2.0,))
+    assert [stamp for stamp, _ in join.pop()] == [7, 200]
+
+
+# --- estimates in time
+
+
+class Sum:
+    """An estimator whose every number depends on the order of all that it was given."""
+
+    def __init__(self, dt: float) -> None:
+        self.dt, self.value, self.last = dt, 0.0, 0.0
+
+    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+        for row in zip(t, inputs[:, 0], outputs[:, 0], strict=True):
+            self.value = 0.999 * self.value + float(np.sin(row).sum())
+            self.last = float(row[2])
+
+    def estimate(self) -> Mapping[str, tuple[float, float, str, bool]]:
+        return {'sum': (self.value, 1.0, '1', True)}
+
+    def prediction(self) -> Mapping[str, float]:
+        return {'speed': self.value}
+
+    def residual(self) -> Mapping[str, float]:
+        return {'speed': self.last - self.value}
+
+
+RATES = Rates(SECOND // 10, SECOND // 50)
+
+
+def samples(count: int) -> tuple[NDArray[np.int64], Array, Array]:
+    rng = np.random.default_rng(3)
+    stamps = 7_123_456_789 + 2_000_000 * np.arange(count)
+    return stamps, rng.normal(size=(count, 1)), rng.normal(size=(count, 1))
+
+
+def fed(sizes: list[int]) -> list[Event]:
+    stamps, inputs, outputs = samples(sum(sizes))
+    stream, events, start = EstimateStream(Sum, RATES), [], 0
+    for size in sizes:
+        part = slice(start, start + size)
+        events += stream.feed(stamps[part], inputs[part], outputs[part])
+        start += size
+    return events
+
+
+def test_events_do_not_depend_on_how_samples_were_bunched() -> None:
+    rng = random.Random(1)
+    sizes = [rng.randint(1, 40) for _ in range(60)]
+    one_by_one, bunched, whole = fed([1] * sum(sizes)), fed(sizes), fed([sum(sizes)])
+    assert one_by_one == bunched == whole
+    assert sum(event.estimate is not None for event in whole) == sum(sizes) // 50
+    assert all(event.digest for event in whole if event.estimate is not None)
+
+
+def test_the_sample_time_is_learned_and_gaps_are_counted() -> None:
+    stamps, inputs, outputs = samples(200)
+    keep = np.ones(200, dtype=bool)
+    keep[[100, 101, 150]] = False
+    stream = EstimateStream(Sum, RATES)
+    stream.feed(stamps[keep], inputs[keep], outputs[keep])
+    assert stream.sample_time == 0.002
+    assert (stream.gaps, stream.missing, stream.samples) == (2, 3, 197)
+
+
+def test_stamps_that_fall_back_start_the_estimator_anew() -> None:
+    stamps, inputs, outputs = samples(300)
+    stream = EstimateStream(Sum, RATES)
+    first = stream.feed(stamps, inputs, outputs)
+    assert stream.feed(stamps, inputs, outputs) == first
+
+
+# --- the whole
+
+
+def pipeline(**changes: object) -> Pipeline:
+    sources = [replace(s, **changes) if s.signal == 'speed' else s for s in DEFAULT_SOURCES]  # type: ignore[arg-type]
+    wanted = ('voltage', 'current', 'speed', 'position')
+    plans = plan_topics(sources, wanted)
+    return Pipeline(plans, EstimateStream(Sum, RATES), ('voltage',), ('current', 'speed'), 100)
+
+
+def push(target: Pipeline, count: int) -> None:
+    for k in range(count):
+        target.push(0, vector(k * 2_000_000, 1.0 + k), 0)
+        target.push(1, vector(k * 2_000_000, 2.0), 0)
+        target.push(2, joint(k * 2_000_000, ['m'], [0.1 * k], [3.0]), 0)
+
+
+def test_the_window_keeps_the_last_samples_as_a_record() -> None:
+    target = pipeline()
+    push(target, 150)
+    target.advance()
+    record = target.record()
+    assert record is not None
+    assert (len(record), record.dt) == (100, pytest.approx(0.002))
+    assert record['voltage'].tolist() == [1.0 + k for k in range(50, 150)]
+    assert record.units['position'] == 'rad'
+    short = target.record(0.1)
+    assert short is not None
+    assert len(short) == 50
+
+
+def test_units_and_signs_are_those_of_the_msg_config() -> None:
+    target = pipeline(unit='rpm', sign=-1)
+    push(target, 3)
+    target.advance()
+    record = target.record()
+    assert record is not None
+    assert record['speed'][0] == pytest.approx(-3.0 * 2 * np.pi / 60)
+
+
+def test_samples_with_a_value_that_is_no_number_are_left_out_and_counted() -> None:
+    target = pipeline()
+    target.push(0, vector(0, float('nan')), 0)
+    target.push(1, vector(0, 1.0), 0)
+    target.push(2, joint(0, ['m'], [], [1.0]), 0)
+    push(target, 0)
+    assert target.advance() == []
+    assert target.refused.not_finite == 1
+    assert target.record() is None
+
+
+def test_a_signal_without_a_topic_is_named() -> None:
+    with pytest.raises(UserError, match='torque'):
+        plan_topics(DEFAULT_SOURCES, ('torque',))
+    with pytest.raises(UserError, match='message type'):
+        plan_topics([Source('speed', topic='odom', field='x')], ('speed',))
+
+
+# --- the simulated drive
+
+
+def test_the_encoder_counts_and_its_speed_is_the_difference() -> None:
+    sensors = DriveSensors(SensorSettings(1000, 0.0, 0.5, 2.0, 12), 0.001)
+    step = 2 * np.pi / 1000
+    current, speed, position = sensors.read(0.25, 3.4 * step)
+    assert position == pytest.approx(3 * step)
+    assert speed == pytest.approx(3 * step / 0.001)
+    assert current == pytest.approx(0.75, abs=2.0 / 2**12)
+    assert sensors.read(99.0, 3.4 * step)[0] == pytest.approx(2.0, rel=1e-3)
+    again = [DriveSensors(SensorSettings(seed=5), 0.001).read(0.1, 0.0) for _ in range(2)]
+    assert again[0] == again[1]
+
+
+def test_hidden_effects_get_a_size_or_the_given_one() -> None:
+    base = Model.base('brushed_dc', {'R': 2.0, 'k_t': 0.05})
+    scales = scales_of_drive(base, 24.0, 0.002)
+    given_value = parse_assignments(('coulomb_friction.tau_c = 0.01',))
+    plant = with_hidden(base, ('coulomb_friction', 'cogging_torque'), given_value, scales)
+    assert plant['coulomb_friction.tau_c'] == 0.01
+    assert plant['cogging_torque.a_1'] > 0.001
+    with pytest.raises(UserError, match=r'effect\.parameter=number'):
+        parse_assignments(('coulomb_friction',))
+    with pytest.raises(UserError, match='unknown effect'):
+        with_hidden(base, ('witchcraft',), {}, scales)
