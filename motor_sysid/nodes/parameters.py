@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, Field, field, fields, replace
 import difflib
 import math
+import textwrap
 from typing import Any, cast, Generic, TypeVar
 
 from rcl_interfaces.msg import (
@@ -238,3 +239,34 @@ def _descriptor(item: 'Field[Any]') -> ParameterDescriptor:
                 IntegerRange(from_value=int(spec.low), to_value=int(spec.high), step=1)
             ]
     return descriptor
+
+
+def config_yaml(name: str, kind: type) -> str:
+    """Return the text of config/<name>.yaml: every parameter with its default and sentence."""
+    lines = [
+        f'# Parameters of the node `{name}`; every one is listed with its default.',
+        f'# ros2 run motor_sysid {name} --ros-args --params-file config/{name}.yaml',
+        '/**:',
+        '  ros__parameters:',
+    ]
+    for item in fields(kind):
+        spec = spec_of(item)
+        notes = [spec.sentence, f'[{spec.range_text()}]' if spec.range_text() else '']
+        notes.append('May be changed while running.' if spec.live else '')
+        lines += textwrap.wrap(
+            ' '.join(note for note in notes if note),
+            95, initial_indent='    # ', subsequent_indent='    # ',
+        )  # fmt: skip
+        lines.append(f'    {item.name}: {_yaml(item.default)}')
+    return '\n'.join(lines) + '\n'
+
+
+def _yaml(value: object) -> str:
+    if isinstance(value, tuple):
+        return '[' + ', '.join(_yaml(text) for text in value or ('',)) + ']'
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, float):
+        text = repr(value)
+        return text if '.' in text else text.replace('e', '.0e')  # YAML reads 1e-05 as a text
+    return f"'{value}'" if isinstance(value, str) else str(value)
