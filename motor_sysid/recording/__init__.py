@@ -1,4 +1,7 @@
-"""Bags and CSV files to and from `Record`, through msg_config files."""
+"""Bags and CSV files to and from `Record`, through msg_config files.
+
+`motor_sysid.recording.writer.BagWriter` and `motor_sysid.recording.save.write_record` write.
+"""
 
 from motor_sysid.recording.load import load, Loaded
 from motor_sysid.recording.msg_config import load_msg_config

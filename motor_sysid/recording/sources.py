@@ -143,7 +143,7 @@ class Source:
         steps += [f'+ {self.offset:g}'] if self.offset else []
         steps += ['sign changed'] if self.sign < 0 else []
         steps += [f'gear {self.gear_ratio:g}'] if self.gear_ratio != 1 else []
-        return ' '.join([place, *steps, f'[{self.unit}]' if self.unit else ''])
+        return ' '.join([place, *steps, *([f'[{self.unit}]'] if self.unit else [])])
 
 
 ISO = 'iso8601'
