@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result import Candidate, Curve, Diagnosis, Step, Verdict, Where
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Provenance, Record
 
@@ -56,8 +57,8 @@ def binned(axis: Array, value: Array, edges: Array) -> tuple[Array, Array, Array
     index = np.digitize(axis, edges) - 1
     rows = [value[index == k] for k in range(len(edges) - 1)]
     mean = np.array([row.mean() if len(row) > 3 else np.nan for row in rows])
-    band = np.array([2 * row.std() / np.sqrt(len(row)) if len(row) > 3 else np.nan for row in rows])
-    return (edges[1:] + edges[:-1]) / 2, mean, band
+    wide = [2 * row.std() / np.sqrt(len(row)) if len(row) > 3 else np.nan for row in rows]
+    return (edges[1:] + edges[:-1]) / 2, mean, np.array(wide)
 
 
 def build_diagnosis(seconds: float = 20.0, rate: float = 1000.0, seed: int = 1) -> Diagnosis:
@@ -199,7 +200,7 @@ def _candidates(m: int, steps: tuple[Step, ...]) -> tuple[Candidate, ...]:
         ('coulomb_friction', 'tau_c', TAU_C) if m == 0 else ('cogging_torque', 'b_1', -COGGING)
     )
     found = Candidate(
-        key, key.replace('_', ' ').capitalize(), 'mechanical',
+        key, effect(key).card.title, 'mechanical',
         'tau = -tau_c sign(omega)' if m == 0 else 'tau = a cos(n theta) + b sin(n theta)',
         12_629.0 / (1 + 3 * m), then.train_error_percent, then.validation_error_percent,
         {name: (value, 'N m', 7e-5)}, (), True, '', now.curves[m],
@@ -216,7 +217,7 @@ def _also_ran(
 ) -> Candidate:
     confusable = ('coulomb_friction',) if key == 'stribeck_friction' else ()
     return Candidate(
-        key, key.replace('_', ' ').capitalize(), place, 'tau = c f(omega)',
+        key, effect(key).card.title, place, 'tau = c f(omega)',
         1500 * (1 - factor), factor * now.train_error_percent,
         factor * now.validation_error_percent, {'c': (-3.9e-4, 'N m', 5e-5)}, confusable, passes,
         note, replace(curve, law=np.full_like(curve.x, np.nanmean(curve.mean))),

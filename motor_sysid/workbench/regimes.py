@@ -27,6 +27,9 @@ SMOOTHING = 0.02
 FEWEST = 8
 """Samples that a cell of the map needs to be shown."""
 
+LARGEST = 1e30
+"""An error beyond this is that of a model that ran away."""
+
 INPUTS = (
     'voltage', 'voltage_q', 'voltage_a', 'duty', 'torque', 'force', 'current', 'current_q',
     'voltage_command',
@@ -125,9 +128,10 @@ def grid_of(records: Sequence[Record], samples: int) -> Grid | None:
 def rms_by(bins: Bins, errors: Array, count: int) -> tuple[Array, Array]:
     """Return RMS error and number of samples of each bin; both (count,).
 
-    Samples with a non-finite error or a negative bin are left out; an empty bin has NaN.
+    Samples whose error is not finite (or beyond any use) or whose bin is negative are left out;
+    an empty bin has NaN.
     """
-    good = np.isfinite(errors) & (bins >= 0)
+    good = (np.abs(errors) < LARGEST) & (bins >= 0)
     number = np.bincount(bins[good], minlength=count).astype(np.float64)
     squares = np.bincount(bins[good], weights=errors[good] ** 2, minlength=count)
     with np.errstate(invalid='ignore', divide='ignore'):

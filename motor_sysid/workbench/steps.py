@@ -101,12 +101,13 @@ def _regime_shares(index: int, bench: Bench) -> list[RegimeShare]:
     bins = np.concatenate([bench.regimes[k] for k in bench.held])
     rms, count = rms_by(bins, bench.held_errors(index), len(REGIMES))
     squares = np.nan_to_num(rms) ** 2 * count
-    total, samples = max(squares.sum(), 1e-300), max(count.sum(), 1.0)
+    times = np.bincount(bins, minlength=len(REGIMES)) / len(bins)
+    total = max(squares.sum(), 1e-300)
     return [
         {
             'name': name,
             'error_share': number(squares[k] / total),
-            'time_share': number(count[k] / samples),
+            'time_share': number(times[k]),
             'rms': number(rms[k]),
         }
         for k, name in enumerate(REGIMES)

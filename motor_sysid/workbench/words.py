@@ -33,8 +33,8 @@ def named(key: str, titles: Mapping[str, str]) -> Named:
 
 
 def title_of(key: str) -> str:
-    """Turn a key into words: ``coulomb_friction`` becomes ``Coulomb friction``."""
-    return key.replace('_', ' ').capitalize()
+    """Turn a key into words, for an effect that no catalogue knows."""
+    return key.replace('_', ' ')
 
 
 def motor_title(key: str) -> str:
@@ -72,6 +72,8 @@ def held_out_words(records: Sequence[Record], roles: Sequence[str]) -> str:
     if not held:
         return 'nothing held out'
     seconds = sum(record.duration for record in held)
+    if len(held) == len(records):
+        return f'validated on all {seconds:.3g} s'
     trained = {source_name(r) for r, role in zip(records, roles, strict=True) if role == 'train'}
     names = dict.fromkeys(source_name(record) for record in held)
     if any(name in trained for name in names):

@@ -97,6 +97,8 @@ const scaled = (value, exponent, places) =>
   `${minus((value / 10 ** exponent).toFixed(Math.max(0, places)))}·10${raise(exponent)}`;
 
 const percent = (value) => (value === null ? '–' : `${digits(value, value < 0.1 ? 2 : 3)} %`);
+/** A factor: 1.3×, 15×, 1600×. */
+const times = (value) => (value === null ? '–' : `${value < 10 ? value.toFixed(1) : Number(value.toPrecision(2))}×`);
 const share = (value) => (value === null ? '–' : `${Math.round(100 * value)} %`);
 
 /** Value and sigma with one exponent, and as many digits as sigma deserves. */

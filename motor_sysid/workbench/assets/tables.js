@@ -31,7 +31,7 @@ function makeCandidates(view, onAct) {
     const head = el('thead', {}, el('tr', {}, heads.map((h, k) =>
       (h ? el('th', {scope: 'col'}, h) : el('th', {scope: 'col'}, el('span', {class: 'aside'}, k ? 'action' : 'rank'))))));
     const parts = [el('table', {class: 'candidates'}, head, el('tbody', {}, rows))];
-    if (!passing) parts.unshift(el('p', {class: 'none'}, 'No candidate passes: ', el('b', {class: 'ok'}, 'stop here'), '.'));
+    if (!passing) parts.unshift(el('p', {class: 'none'}, ...nothingPasses(view, view.steps[step])));
     if (candidates.length > SHORT_LIST && passing < candidates.length) {
       parts.push(el('button', {type: 'button', class: 'more', onclick: () => {
         all = !all;
@@ -129,7 +129,7 @@ function drawModels(view, step, onPick, onAct) {
       ? s.effects.map((e) => el('button', {type: 'button', 'aria-label': `Remove ${e.title}`,
         onclick: () => onAct('remove', e.key)}, `Remove ${e.title}`)) : null),
     el('td', {}, digits(s.validation_error_percent)),
-    el('td', {}, s.times_floor === null ? '–' : `${digits(s.times_floor, 2)}×`),
+    el('td', {}, times(s.times_floor)),
     ...(outputs.length > 1 ? outputs.map((o) => el('td', {}, digits(s.channel_errors[o]))) : []),
     el('td', {}, digits(s.train_error_percent)),
     el('td', {}, String(s.parameters.filter((p) => p.free).length))));
@@ -161,7 +161,7 @@ function drawParameters(view, step) {
 function parameterRow(p, step) {
   const [value, sigma] = withSigma(p.value, p.sigma);
   const spread = p.known ? sigma : 'unknown';
-  const meaning = p.effect ? `${p.effect}: ${p.description}` : p.description;
+  const meaning = cap(p.effect ? `${p.effect}: ${p.description}` : p.description);
   return el('tr', {},
     el('th', {scope: 'row'}, symbols(p.name)),
     el('td', {class: 'text'}, meaning, p.on_bound ? el('span', {class: 'note'}, ' at its bound') : null,

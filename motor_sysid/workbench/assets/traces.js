@@ -15,7 +15,8 @@ function makeTraces(view) {
     Object.fromEntries(Object.entries(table).map(([key, text]) => [key, withGaps(f32(text))]));
   const steps = view.steps.map((s) => ({model: unpack(s.model), error: unpack(s.error)}));
   const root = $('#plots');
-  const full = [time[0], time[time.length - 1]];
+  const trained = view.records.some((r) => r.role === 'train');
+  const full = [view.records[0].start, view.records.at(-1).end];
   const shown = new Set(view.panels.filter((p) => p.shown).map((p) => p.key));
   let home = view.focus;
   let range = home;
@@ -90,7 +91,7 @@ function makeTraces(view) {
         {size: last ? TIME_AXIS : 0, stroke: stroke('muted'), grid, ticks: {...grid, size: 4},
           font: '11px system-ui, sans-serif',
           values: (u, splits) => splits.map((t) => (last ? clockText(t) : ''))},
-        {size: AXIS_WIDTH, stroke: stroke('muted'), grid, ticks: {...grid, size: 4}, space: 26,
+        {size: AXIS_WIDTH, stroke: stroke('muted'), grid, ticks: {...grid, size: 4}, space: 22,
           font: '11px system-ui, sans-serif', values: (u, splits) => splits.map(tickText)},
       ],
       series: [{}, ...spec.series.map((s) => ({
@@ -99,6 +100,7 @@ function makeTraces(view) {
       }))],
       hooks: {
         drawClear: [(u) => drawBehind(u, spec)],
+        draw: [(u) => drawNoiseLimits(u, spec)],
         setSelect: [(u) => select(u)],
         setCursor: [(u) => readout(u, spec)],
         ready: [(u) => u.over.addEventListener('wheel', (e) => wheel(u, e), {passive: false})],
@@ -176,7 +178,6 @@ function makeTraces(view) {
   }
 
   function startPan(u, event) {
-    event.preventDefault();
     const from = event.clientX;
     const start = range;
     const perPixel = (range[1] - range[0]) / u.over.clientWidth;
@@ -229,6 +230,25 @@ function makeTraces(view) {
       ctx.fillStyle = palette.mark;
       markedSpans().forEach(([a, b]) => ctx.fillRect(x(a), top, Math.max(1.5, x(b) - x(a)), height));
     }
+    ctx.restore();
+  }
+
+  /** Where ±2σ lies, on top of an error that hides the band. */
+  function drawNoiseLimits(u, spec) {
+    if (!spec.sigma) return;
+    const {ctx} = u;
+    const {left, top, width, height} = u.bbox;
+    ctx.save();
+    ctx.strokeStyle = palette.ok;
+    ctx.lineWidth = devicePixelRatio || 1;
+    ctx.setLineDash([5, 4]);
+    [-2, 2].map((k) => u.valToPos(k * spec.sigma, 'y', true))
+      .filter((y) => y > top && y < top + height).forEach((y) => {
+        ctx.beginPath();
+        ctx.moveTo(left, y);
+        ctx.lineTo(left + width, y);
+        ctx.stroke();
+      });
     ctx.restore();
   }
 
@@ -288,7 +308,7 @@ function makeTraces(view) {
   /* --- text ------------------------------------------------------------------------------ */
 
   function stretchName(record) {
-    const role = record.role === 'train' ? 'training' : 'held out';
+    const role = record.role === 'train' ? 'training' : trained ? 'held out' : 'validation';
     return record.label ? `${record.label} · ${role}` : role;
   }
 
@@ -328,6 +348,9 @@ function makeTraces(view) {
       root.dataset.marked = mark ? api.marked().length : 0;
       plots.forEach(({u}) => u.redraw(false, false));
     },
+    /** What a panel draws, by label. */
+    lines: (name) => Object.fromEntries(
+      plots.find(({spec}) => spec.key === name).spec.series.map((s) => [s.label, s.values()])),
     /** Indices of the marked points. */
     marked: () => (mark ? Array.from(time.keys()).filter((k) => mark.ids[k] === mark.id) : []),
     range: () => range,
@@ -349,7 +372,6 @@ function makeTraces(view) {
       plots.forEach(({u}) => u.redraw(false, true));
       drawStrip();
     },
-    rangeOfPanel: (name) => plots.find(({spec}) => spec.key === name)?.u.scales.y,
     errorOutputs, resize, key, stretchName, regimes,
   };
   return api;

@@ -33,22 +33,27 @@ function drawWhy({reasons, warnings}) {
 }
 
 /** Whether a model is as good as its data: at the noise floor, and nothing improves it. */
-const settled = (s) => s.times_floor !== null && s.times_floor <= 1.3 && !s.candidates.some((c) => c.passes);
+const settled = (view, s) => s.times_floor !== null && s.times_floor <= 1.3
+  && view.verdict.key !== 'unknown_effect' && !s.candidates.some((c) => c.passes);
+
+const nothingPasses = (view, s) => (settled(view, s)
+  ? ['No candidate improves it: ', el('b', {class: 'ok'}, 'stop here'), '.']
+  : ['No candidate of the catalogue improves it.']);
 
 /** One model in words: how bad, where worst, what explains it best. */
 function drawNow(view, step) {
   const s = view.steps[step];
-  const done = settled(s);
+  const done = settled(view, s);
   const parts = [el('b', {}, `${s.name} · ${effectsText(view, s)}`), ': error ',
     el('b', {class: done ? 'ok' : 'bad'}, brief(s.validation_error_percent))];
-  parts.push(s.times_floor === null ? '. ' : `, ${digits(s.times_floor, 2)}× the noise floor. `);
+  parts.push(s.times_floor === null ? '. ' : `, ${times(s.times_floor)} the noise floor. `);
   parts.push(...worstRegime(s));
   const best = s.candidates.find((c) => c.passes);
   if (best) {
     const gain = 1 - best.validation_error_percent / s.validation_error_percent;
     parts.push('Best explanation: ', el('b', {}, cap(best.title)), `, error ${MINUS}${Math.round(100 * gain)} %.`);
   } else if (s.candidates.length) {
-    parts.push('No candidate improves it: ', el('b', {class: done ? 'ok' : ''}, 'stop here'), '.');
+    parts.push(...nothingPasses(view, s));
   }
   $('#now').replaceChildren(...parts);
 }
@@ -106,7 +111,7 @@ function dots(view, errors, step, at, y, width, onPick) {
       class: k === step ? 'dot-label current' : 'dot-label'}, place.text));
   });
   order.forEach((k) => marks.push(svg('circle', {cx: at(errors[k]), cy: y, r: k === step ? 7 : 5,
-    class: `dot ${k === step ? 'current' : ''} ${settled(view.steps[k]) ? 'ok' : ''}`,
+    class: `dot ${k === step ? 'current' : ''} ${settled(view, view.steps[k]) ? 'ok' : ''}`,
     'data-model': k, onclick: () => onPick(k)})));
   return [...labels, ...marks];
 }

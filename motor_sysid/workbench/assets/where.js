@@ -47,7 +47,7 @@ function makeWhere(view, mark) {
     label(2, 12, unitText(map.y_unit), 'start'));
     picture.addEventListener('mousemove', hoverMap);
     picture.addEventListener('mouseleave', leave);
-    box.replaceChildren(picture, heatLegend());
+    box.replaceChildren(picture, ...(worstCells().length ? [heatLegend()] : []));
   }
 
   function hoverMap(event) {
@@ -127,11 +127,10 @@ function makeWhere(view, mark) {
     return [
       ...curves.map((c) => {
         const reach = commonReach(c);
-        const [, letter] = prefix(reach, c.unit);
-        return {key: keyOf(c), title: `${c.quantity} by ${c.axis} [${letter}${unitText(c.unit)}]`,
+        return {key: keyOf(c), title: `${c.quantity} by ${c.axis}`,
           draw: (w) => curvePicture(withLaw(c), w, reach)};
       }),
-      ...where.map((r) => ({key: `error:${r.axis}`, title: `error by ${r.axis} [%]`,
+      ...where.map((r) => ({key: `error:${r.axis}`, title: `error by ${r.axis}`,
         draw: (w) => wherePicture(r, w)})),
     ];
   }
@@ -139,7 +138,7 @@ function makeWhere(view, mark) {
   /** How far a picture reaches: its own curve, yet not so much closer than M0's that all looks alike. */
   function commonReach(curve) {
     const base = view.steps[0].curves.find((c) => keyOf(c) === keyOf(curve));
-    return Math.max(reachOf(curve), base ? 0.3 * reachOf(base) : 0, 1e-12);
+    return Math.max(reachOf(curve), base ? 0.3 * reachOf(base) : 0) || 1;
   }
 
   /** A curve with the law that explains it best: its own, or the best candidate's on that axis. */
@@ -214,8 +213,8 @@ function makeWhere(view, mark) {
   return {
     show(index) {
       step = index;
-      const judged = view.records.some((r) => r.role === 'validate');
-      $('#where-note').textContent = judged ? 'on the held-out data' : '';
+      const roles = new Set(view.records.map((r) => r.role));
+      $('#where-note').textContent = roles.size > 1 ? 'on the held-out data' : '';
       drawMap();
       drawRegimes();
       drawCurves();
@@ -237,9 +236,9 @@ const reachOf = (curve) =>
 function heatScale(map, layers) {
   const all = layers.map((layer) => quantile(layer, 0.98)).filter(Number.isFinite);
   const lows = layers.map((layer) => quantile(layer, 0.05)).filter(Number.isFinite);
-  const high = Math.max(...all, 1e-12);
-  const least = Math.min(...lows, high);
-  const low = map && map.in_sigma ? Math.min(1, high / 2) : Math.max(least, high / 1000);
+  const high = Math.max(...all) > 0 ? Math.max(...all) : 1;
+  const least = map && map.in_sigma ? 1 : Math.min(...lows, high);
+  const low = Math.min(high / 2, Math.max(least, high / 60));
   let stops = [];
   const recolor = () => {
     stops = [0, 1, 2, 3].map((k) => palette[`heat-${k}`].match(/\w\w/g).map((h) => parseInt(h, 16)));
@@ -252,9 +251,8 @@ function heatScale(map, layers) {
     return `rgb(${mix.join(' ')})`;
   };
   const text = (value, bare) => {
-    const size = value < 10 ? value.toFixed(1) : String(Math.round(value));
-    if (map && map.in_sigma) return bare ? `${size}` : `${size}× sensor noise`;
-    return digits(value);
+    if (!map || !map.in_sigma) return digits(value);
+    return bare ? times(value) : `${times(value)} sensor noise`;
   };
   return {color, text, recolor, low, high};
 }
@@ -286,7 +284,7 @@ function curvePicture(curve, width, reach) {
   const line = (values, attributes) =>
     svg('path', {d: pathOf(x, values.map((v) => v * factor), frame), ...attributes});
   const area = svg('path', {class: 'band', d: bandOf(x, mean, band, factor, frame)});
-  const parts = [...frame.parts, area, line(mean, {class: 'mean'})];
+  const parts = [svg('text', {x: 0, y: 11, class: 'tick'}, `${letter}${unitText(curve.unit)}`), ...frame.parts, area, line(mean, {class: 'mean'})];
   if (law.length) parts.push(line(law, {class: 'law'}), svg('text', {x: width - 4, y: 11,
     'text-anchor': 'end', class: 'law-name'}, `┄ ${curve.name}`));
   const label = `${cap(curve.quantity)} by ${curve.axis}, up to ` +
@@ -345,7 +343,7 @@ function bandOf(x, mean, band, factor, frame) {
 }
 
 function wherePicture(where, width) {
-  const [left, right, top, bottom] = [38, 6, 10, 20];
+  const [left, right, top, bottom] = [38, 6, 16, 20];
   const reach = Math.max(...where.error_percent.filter((v) => v !== null), 1e-12);
   const [x0, x1] = [where.bins[0], where.bins.at(-1)];
   const atX = (v) => left + ((v - x0) / (x1 - x0 || 1)) * (width - left - right);
@@ -358,7 +356,7 @@ function wherePicture(where, width) {
   const marks = ticksOf(x0, x1);
   return svg('svg', {width, height: CURVE_HEIGHT, role: 'img',
     'aria-label': `Error by ${where.axis}, at most ${percent(reach)}.`},
-  ...bars.filter(Boolean), tick(left - 5, top + 4, digits(reach), 'end'), tick(left - 5, top + height, '0', 'end'),
+  tick(0, 11, '%', 'start'), ...bars.filter(Boolean), tick(left - 5, top + 4, digits(reach), 'end'), tick(left - 5, top + height, '0', 'end'),
   ...marks.map((v, k) => tick(Math.min(width - 8, atX(v)), CURVE_HEIGHT - 5,
     `${tickText(v)}${k === marks.length - 1 ? ` ${unitText(where.unit)}` : ''}`,
     k === marks.length - 1 ? 'end' : 'middle')));

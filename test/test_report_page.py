@@ -1,0 +1,330 @@
+"""The report in a real browser: offline, without errors, seen to work."""
+
+from base64 import b64decode
+from collections.abc import Iterator
+import os
+from pathlib import Path
+import re
+from typing import TYPE_CHECKING
+
+from fake_diagnosis import build_diagnosis
+import fake_variants
+import numpy as np
+import pytest
+
+from motor_sysid.workbench.report import write_report, write_view_report
+from motor_sysid.workbench.schema import View
+from motor_sysid.workbench.view import build_view
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
+
+pytest.importorskip('playwright.sync_api')
+
+SIZES = ((1600, 1000), (1280, 800), (820, 1180))
+VARIANTS = ('several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny')
+
+
+@pytest.fixture(scope='module')
+def view() -> View:
+    return build_view(build_diagnosis(20.0))
+
+
+@pytest.fixture(scope='module')
+def report(view: View, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_view_report(view, tmp_path_factory.mktemp('report') / 'report.html')
+
+
+class Watched:
+    """A page that remembers what went wrong and what it asked for."""
+
+    def __init__(self, browser: 'Browser', path: Path, fragment: str = '', **options: object) -> None:
+        options = {'viewport': {'width': 1600, 'height': 1000}, 'offline': True, **options}
+        self.context = browser.new_context(**options)
+        self.page = self.context.new_page()
+        self.trouble: list[str] = []
+        self.requests: list[str] = []
+        self.page.on('console', lambda message: self.trouble.append(message.text))
+        self.page.on('pageerror', lambda error: self.trouble.append(str(error)))
+        self.page.on('request', lambda request: self.requests.append(request.url))
+        self.page.goto(f'{path.as_uri()}{fragment}')
+        self.page.wait_for_selector('body[data-ready]')
+
+    def ranges(self) -> np.ndarray:
+        return np.array(self.page.evaluate('page.traces.ranges()'))
+
+    def text(self, selector: str) -> str:
+        return str(self.page.inner_text(selector))
+
+
+@pytest.fixture
+def opened(chromium: 'Browser', report: Path) -> Iterator[Watched]:
+    """Return the report, open; nothing may have gone wrong by the end."""
+    watched = Watched(chromium, report)
+    yield watched
+    assert watched.trouble == []
+    assert watched.requests == [report.as_uri()]
+    watched.context.close()
+
+
+def unpack(text: str, kind: str) -> np.ndarray:
+    return np.frombuffer(b64decode(text), dtype=kind)
+
+
+def test_it_says_what_the_view_says(opened: Watched, view: View) -> None:
+    headline = opened.text('#headline')
+    assert view['verdict']['title'] in headline
+    for step in (view['steps'][0], view['steps'][-1]):
+        assert f'{step["validation_error_percent"]:.2g} %' in headline
+    assert 'low speed' in opened.text('#now') or 'regimes' in opened.text('#now')
+    rows = opened.page.query_selector_all('#model-table tbody tr')
+    for row, step in zip(rows, view['steps'], strict=True):
+        assert f'{step["validation_error_percent"]:.3g}' in row.inner_text()
+    assert opened.page.title() == 'motor_sysid report · hidden_friction.mcap'
+    assert 'last 4 s' in opened.text('#source')
+
+
+def test_stepping_through_the_models_shows_the_error_fall(opened: Watched, view: View) -> None:
+    page = opened.page
+    errors = [f'{step["validation_error_percent"]:.2g} %' for step in view['steps']]
+    assert errors[0] in opened.text('#now')
+    page.check('#stepper input[value="1"]', force=True)
+    assert errors[1] in opened.text('#now')
+    assert opened.text('[role=status]').startswith('M0 → M1')
+    page.keyboard.press('ArrowRight')  # the radio buttons' own key
+    assert errors[2] in opened.text('#now')
+    page.click('#back')
+    assert errors[1] in opened.text('#now')
+    page.click('#headline')
+    page.keyboard.press('n')
+    assert errors[2] in opened.text('#now')
+    page.keyboard.press('p')
+    page.keyboard.press('p')
+    assert errors[0] in opened.text('#now')
+    assert page.is_disabled('#back')
+    assert page.evaluate('location.hash') == '#M0'
+
+
+def test_everything_follows_the_model(opened: Watched, view: View) -> None:
+    page = opened.page
+    page.click('#model-table tbody tr:nth-child(2) button')
+    first = page.get_attribute('.candidates tbody tr', 'data-effect')
+    assert first == view['steps'][1]['candidates'][0]['effect']
+    assert 'M1' in opened.text('#parameters h2')
+    assert '3.9× too large' in opened.text('#parameter-table')
+    assert page.get_attribute('#model-table tr.current button', 'aria-pressed') == 'true'
+    assert 'Cogging torque' in opened.text('#curves')
+
+
+def test_the_ghost_is_the_error_of_the_previous_model(opened: Watched, view: View) -> None:
+    page = opened.page
+    page.check('#stepper input[value="1"]', force=True)
+    drawn = page.evaluate(
+        '() => { const shown = page.traces.lines("error"); return [shown.ghost, shown.error]; }'
+    )
+    for values, step in zip(drawn, view['steps'], strict=False):
+        sent = unpack(step['error']['speed'], '<f4')
+        assert np.array_equal(np.array(values, dtype=float), sent, equal_nan=True)
+    page.select_option('#ghost', 'none')
+    assert page.evaluate('page.traces.lines("error").ghost.every((v) => v === null)')
+
+
+def test_the_stretch_held_out_is_in_focus_and_others_can_be_chosen(
+    opened: Watched, view: View
+) -> None:
+    assert opened.ranges() == pytest.approx(np.tile(view['focus'], (4, 1)), abs=1e-3)
+    opened.page.click('#stretches button:has-text("all")')
+    assert opened.ranges()[:, 0] == pytest.approx(0)
+    opened.page.click('#stretches button:has-text("training")')
+    assert opened.ranges()[:, 1] == pytest.approx(view['records'][0]['end'])
+
+
+def test_zoom_and_pan_move_all_panels_alike(opened: Watched, view: View) -> None:
+    page = opened.page
+    box = page.locator('.plot[data-panel=speed] .u-over').bounding_box()
+    left, y = box['x'], box['y'] + box['height'] / 2
+
+    def alike() -> tuple[float, float]:
+        ranges = opened.ranges()
+        assert np.ptp(ranges, axis=0).max() < 1e-3
+        return float(ranges[0, 0]), float(ranges[0, 1])
+
+    start, end = view['focus']
+    page.mouse.move(left + 0.25 * box['width'], y)
+    page.mouse.down()
+    page.mouse.move(left + 0.75 * box['width'], y, steps=4)
+    page.mouse.up()
+    low, high = alike()
+    assert low == pytest.approx(start + 0.25 * (end - start), abs=0.03)
+    assert high == pytest.approx(start + 0.75 * (end - start), abs=0.03)
+    page.mouse.wheel(0, -100)
+    assert alike()[1] - alike()[0] == pytest.approx(0.75 * (high - low))
+    low, high = alike()
+    page.keyboard.down('Shift')
+    page.mouse.down()
+    page.mouse.move(left + 0.65 * box['width'], y, steps=4)
+    page.mouse.up()
+    page.keyboard.up('Shift')
+    shift = 0.1 * (high - low)
+    assert alike() == pytest.approx((low + shift, high + shift), abs=2e-2)
+    page.focus('#plots')
+    low, high = alike()
+    page.keyboard.press('ArrowLeft')
+    assert alike()[0] == pytest.approx(low - 0.2 * (high - low))
+    page.keyboard.press('-')
+    assert alike()[1] - alike()[0] > high - low
+    page.keyboard.press('+')
+    page.check('#stepper input[value="1"]', force=True)  # the window stays when the model changes
+    assert alike()[1] - alike()[0] == pytest.approx(high - low)
+    page.focus('#plots')
+    page.keyboard.press('0')
+    assert alike() == pytest.approx((start, end))
+
+
+def test_hovering_a_cell_lights_exactly_its_moments(opened: Watched, view: View) -> None:
+    page = opened.page
+    assert view['map'] is not None
+    ids = unpack(view['map']['ids'], '<u2')
+    cells = page.query_selector_all('#map rect[data-cell]')
+    for cell in cells[:: max(1, len(cells) // 4)]:
+        cell.hover()
+        marked = page.evaluate('page.traces.marked()')
+        assert marked == np.flatnonzero(ids == int(cell.get_attribute('data-cell'))).tolist()
+        assert 'sensor noise' in opened.text('#tip')
+    page.mouse.move(5, 5)
+    assert page.evaluate('page.traces.marked()') == []
+    assert page.is_hidden('#tip')
+
+
+def test_a_regime_lights_its_moments_by_mouse_and_keyboard(opened: Watched, view: View) -> None:
+    assert view['regimes'] is not None
+    ids = unpack(view['regimes']['ids'], '<u1')
+    for k in range(4):
+        opened.page.hover(f'[data-regime="{k}"]')
+        marked = opened.page.evaluate('page.traces.marked()')
+        assert marked == np.flatnonzero(ids == k).tolist()
+    opened.page.mouse.move(5, 5)
+    opened.page.focus('[data-regime="1"]')
+    assert opened.page.evaluate('page.traces.marked()') == np.flatnonzero(ids == 1).tolist()
+
+
+def test_panels_can_be_shown_and_hidden(opened: Watched) -> None:
+    page = opened.page
+    names = [p.get_attribute('data-panel') for p in page.query_selector_all('.plot')]
+    assert names == ['speed', 'error', 'current', 'voltage']
+    page.check('#panels label:has-text("position") input')
+    page.uncheck('#panels label:has-text("voltage") input')
+    names = [p.get_attribute('data-panel') for p in page.query_selector_all('.plot')]
+    assert names == ['speed', 'error', 'position', 'current']
+    page.select_option('#error-of', 'current')
+    assert 'current error [A]' in opened.text('.plot[data-panel=error]')
+
+
+def test_the_error_panel_is_the_tallest(opened: Watched) -> None:
+    heights = {
+        p.get_attribute('data-panel'): p.bounding_box()['height']
+        for p in opened.page.query_selector_all('.plot')
+    }
+    assert max(heights, key=lambda name: heights[name]) == 'error'
+
+
+def test_a_report_offers_no_action(opened: Watched) -> None:
+    assert opened.page.locator('button:has-text("Add")').count() == 0
+    assert opened.page.locator('button:has-text("Remove")').count() == 0
+
+
+def test_a_page_that_is_served_offers_add_and_remove(chromium: 'Browser', tmp_path: Path) -> None:
+    view = build_view(build_diagnosis(5.0), actions=True)
+    watched = Watched(chromium, write_view_report(view, tmp_path / 'live.html'))
+    button = watched.page.locator('.candidates button').first
+    assert button.get_attribute('aria-label') == 'Add Coulomb friction'
+    assert watched.page.locator('#model-table button:has-text("Remove")').count() == 2
+    watched.context.close()
+
+
+def test_playing_the_ladder_ends_at_the_last_model(opened: Watched) -> None:
+    opened.page.click('#play')
+    opened.page.wait_for_selector('#stepper input[value="2"]:checked', timeout=10_000)
+    assert 'Watch' in opened.text('#play')
+
+
+def test_tables_tell_what_the_pictures_show(opened: Watched, view: View) -> None:
+    opened.page.click('#numbers summary')
+    tables = opened.text('#numbers')
+    for regime in view['steps'][0]['regimes']:
+        assert regime['name'] in tables
+    assert 'Worst cells of the map' in tables
+    assert 'Unexplained torque by position' in tables
+
+
+def test_light_and_dark_follow_the_system_and_the_button(chromium: 'Browser', report: Path) -> None:
+    for scheme, other in (('light', 'dark'), ('dark', 'light')):
+        watched = Watched(chromium, report, color_scheme=scheme)
+        theme = 'document.documentElement.dataset.theme'
+        assert watched.page.evaluate(theme) == scheme
+        watched.page.click('#theme')
+        assert watched.page.evaluate(theme) == other
+        assert watched.trouble == []
+        watched.context.close()
+
+
+@pytest.mark.parametrize('size', SIZES)
+def test_nothing_overflows_and_the_verdict_is_whole(
+    chromium: 'Browser', report: Path, size: tuple[int, int]
+) -> None:
+    for fragment in ('', '#M2'):
+        watched = Watched(chromium, report, fragment, viewport=dict(zip(
+            ('width', 'height'), size, strict=True)))  # fmt: skip
+        page = watched.page
+        assert page.evaluate('document.documentElement.scrollWidth') <= size[0]
+        for selector in ('#headline', '#now', '#why summary', '#ladder', '.steps'):
+            assert page.eval_on_selector(selector, 'e => e.scrollWidth - e.clientWidth') <= 1
+        if fragment == '' and size[0] >= 1280:
+            for selector in ('#now', '#map', '.candidates tbody tr'):
+                box = page.locator(selector).first.bounding_box()
+                assert box['y'] + box['height'] <= size[1]
+        watched.context.close()
+
+
+@pytest.mark.parametrize('name', VARIANTS)
+def test_other_machines_and_odd_records_are_shown_too(
+    chromium: 'Browser', tmp_path: Path, name: str
+) -> None:
+    path = write_report(getattr(fake_variants, name)(), tmp_path / f'{name}.html')
+    watched = Watched(chromium, path)
+    watched.page.click('#numbers summary')
+    for value in range(watched.page.locator('#stepper input').count()):
+        watched.page.check(f'#stepper input[value="{value}"]', force=True)
+    assert watched.trouble == []
+    assert watched.requests == [path.as_uri()]
+    assert not re.search(r'NaN|Infinity|undefined|null', watched.text('body'))
+    assert watched.page.title().startswith('motor_sysid report')
+    watched.context.close()
+
+
+def axe_script() -> str:
+    """Return axe-core's text, or skip: it is no part of this package."""
+    given = os.environ.get('MOTOR_SYSID_AXE')
+    root = Path(__file__).resolve().parent.parent
+    path = Path(given) if given else root / 'node_modules' / 'axe-core' / 'axe.min.js'
+    if not path.is_file():
+        pytest.skip('no axe-core; `npm install --no-save axe-core`, or MOTOR_SYSID_AXE=axe.min.js')
+    return path.read_text(encoding='utf-8')
+
+
+@pytest.mark.parametrize('scheme', ['light', 'dark'])
+def test_no_barrier_is_found(chromium: 'Browser', report: Path, scheme: str) -> None:
+    axe = axe_script()
+    for width, height in SIZES:
+        watched = Watched(
+            chromium, report, '#M1', color_scheme=scheme, bypass_csp=True,
+            viewport={'width': width, 'height': height},
+        )  # fmt: skip
+        watched.page.evaluate(axe)
+        watched.page.click('#numbers summary')
+        found = watched.page.evaluate(
+            "axe.run(document, {runOnly: ['wcag2a', 'wcag2aa', 'wcag21a', 'wcag21aa', 'wcag22aa',"
+            " 'best-practice']})"
+        )
+        assert [violation['id'] for violation in found['violations']] == []
+        watched.context.close()
