@@ -1,0 +1,7 @@
+"""The online estimators.  To add one: write its file and add its class here."""
+
+from motor_sysid.estimation.online.base import OnlineEstimator
+from motor_sysid.estimation.online.ekf import Ekf
+
+ESTIMATORS: dict[str, type[OnlineEstimator]] = {'ekf': Ekf}
+"""Every online estimator by its key."""

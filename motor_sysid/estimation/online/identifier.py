@@ -1,0 +1,212 @@
+"""Feed time stamped samples to an online estimator: gaps, dropouts, delays and running errors."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
+from motor_sysid.estimation.online.estimators import ESTIMATORS
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+_ERROR_MEMORY = 2.0
+
+
+class OnlineIdentifier:
+    """Online estimates of a model's parameters, sample by sample.
+
+    The result depends on the samples alone, not on how they are bunched: one call with a thousand
+    samples leaves the same bits as a thousand calls with one.
+
+    Parameters
+    ----------
+    model:
+        Where to start; its free parameters are estimated.
+    estimator:
+        Key of the estimator: see `ESTIMATORS`.
+    dt:
+        Nominal sample time in s.
+    inputs, outputs:
+        Names of the columns: a full set of inputs of the motor kind, and some of its outputs.
+    tuning:
+        Settings of the estimators.
+
+    Attributes
+    ----------
+    samples, gaps, dropped:
+        Samples taken; gaps in their stamps; samples refused because time did not advance.
+
+    Raises
+    ------
+    UserError
+        If the estimator is unknown, or the motor kind has no such inputs or outputs.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        estimator: str,
+        dt: float,
+        inputs: Sequence[str],
+        outputs: Sequence[str],
+        tuning: Tuning | None = None,
+    ) -> None:
+        if estimator not in ESTIMATORS:
+            raise UserError(f'unknown estimator `{estimator}`; known are {", ".join(ESTIMATORS)}')
+        if not (np.isfinite(dt) and dt > 0):
+            raise UserError(f'sample time {dt:g} s is not positive')
+        self.model, self.dt = model, float(dt)
+        self._columns = _input_columns(model, inputs)
+        self.outputs = _known_outputs(model, outputs)
+        self._tuning = tuning or Tuning()
+        self._estimator: OnlineEstimator = ESTIMATORS[estimator](
+            model, dt, self.outputs, self._tuning
+        )
+        self._delay = _DelayLine(_delay(model), len(self._columns))
+        self.samples = self.gaps = self.dropped = 0
+        self._last_time = np.nan
+        self._held = np.zeros(len(self._columns))
+        self._prediction = np.full(len(outputs), np.nan)
+        self._residual = np.full(len(outputs), np.nan)
+        self._power = np.zeros((3, len(outputs)))
+
+    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+        """Take samples in order.
+
+        Parameters
+        ----------
+        t:
+            (K,) stamps in s.
+        inputs:
+            (K, n_u) inputs that act from each stamp to the next, NaN where not known.
+        outputs:
+            (K, n_y) outputs measured at the stamps, NaN where missing.
+        """
+        stamps = np.asarray(t, dtype=np.float64)
+        u = np.asarray(inputs, dtype=np.float64).reshape(stamps.size, len(self._columns))
+        y = np.asarray(outputs, dtype=np.float64).reshape(stamps.size, len(self.outputs))
+        for k in range(stamps.size):
+            self._take(float(stamps[k]), u[k, self._columns], y[k])
+
+    def _take(self, time: float, u: Array, y: Array) -> None:
+        y = np.where(np.isfinite(y), y, np.nan)
+        h = time - self._last_time
+        if h <= 0 or not np.isfinite(time):
+            self.dropped += 1
+            return
+        if not h <= self._tuning.gap * self.dt:
+            self.gaps += int(self.samples > 0)
+            self._estimator.restart(y)
+            self._delay.fill(self._held)
+            self._prediction[:] = self._residual[:] = np.nan
+        else:
+            held = self._delay.push(self._held, h)
+            self._prediction = self._estimator.step(self._last_time, h, held, y)
+            self._residual = y - self._prediction
+            self._note(y)
+        self._last_time = time
+        self._held = np.where(np.isfinite(u), u, self._held)
+        self.samples += 1
+
+    def _note(self, y: Array) -> None:
+        """Keep mean squares of the residual and of the signal over the last 2 s or so."""
+        seen = np.isfinite(self._residual)
+        fade = np.where(seen, np.exp(-self.dt / _ERROR_MEMORY), 1.0)
+        fresh = np.vstack([self._residual**2, y**2, np.ones_like(y)])
+        self._power = fade * self._power + (1 - fade) * np.where(seen, fresh, 0.0)
+
+    def estimate(self) -> Mapping[str, Estimate]:
+        """Return value, sigma, unit and identifiability of every free parameter."""
+        return self._estimator.estimate()
+
+    def prediction(self) -> Mapping[str, float]:
+        """Return the outputs as they were predicted for the last sample, NaN after a gap."""
+        return dict(zip(self.outputs, self._prediction.tolist(), strict=True))
+
+    def residual(self) -> Mapping[str, float]:
+        """Return measured minus predicted for the last sample."""
+        return dict(zip(self.outputs, self._residual.tolist(), strict=True))
+
+    def errors(self) -> Mapping[str, float]:
+        """Return the RMS of the residual of each output over the last 2 s, NaN before any."""
+        weight = np.where(self._power[2] > 0, self._power[2], np.nan)
+        return dict(zip(self.outputs, np.sqrt(self._power[0] / weight).tolist(), strict=True))
+
+    def errors_percent(self) -> Mapping[str, float]:
+        """Return the same over the RMS of the measured signal, in percent."""
+        signal = np.where(self._power[1] > 0, self._power[1], np.nan)
+        ratio = 100 * np.sqrt(self._power[0] / signal)
+        return dict(zip(self.outputs, ratio.tolist(), strict=True))
+
+    def current_model(self) -> Model:
+        """Return the model with the estimates so far, inside their boxes."""
+        values, sigmas = {}, {}
+        for name, found in self.estimate().items():
+            p = self.model.parameters[name]
+            values[name] = min(max(found.value, p.lower), p.upper)
+            sigmas[name] = found.sigma
+        return self.model.with_estimates(values, sigmas)
+
+    @property
+    def estimator(self) -> OnlineEstimator:
+        """The estimator itself."""
+        return self._estimator
+
+
+class _DelayLine:
+    """Held inputs that act a fixed time later, split between two samples if need be."""
+
+    def __init__(self, delay: float, width: int) -> None:
+        self._delay = delay
+        self._pieces: list[tuple[float, Array]] = []
+        self._width = width
+
+    def fill(self, u: Array) -> None:
+        """Start anew with an input that has been held for long."""
+        self._pieces = [(self._delay, u)] if self._delay > 0 else []
+
+    def push(self, u: Array, h: float) -> Array:
+        """Take the input of the last `h` s; return the mean of what acted in that time."""
+        if self._delay <= 0:
+            return u
+        self._pieces.append((h, u))
+        acted, left = np.zeros(self._width), h
+        while left > 0 and self._pieces:
+            length, value = self._pieces[0]
+            part = min(length, left)
+            acted = acted + value * part
+            left -= part
+            if part < length:
+                self._pieces[0] = (length - part, value)
+            else:
+                self._pieces.pop(0)
+        return acted / h
+
+
+def _delay(model: Model) -> float:
+    cards = [(key, effect(key).card) for key in model.effects]
+    return sum(model[f'{key}.{card.delay}'] for key, card in cards if card.delay)
+
+
+def _input_columns(model: Model, inputs: Sequence[str]) -> list[int]:
+    """Return the columns of the inputs in the motor kind's order."""
+    for names in model.kind.inputs:
+        if set(names) == set(inputs):
+            return [list(inputs).index(name) for name in names]
+    wanted = ' or '.join('+'.join(names) for names in model.kind.inputs)
+    raise UserError(f'a {model.kind.title} is driven by {wanted}, not by {"+".join(inputs)}')
+
+
+def _known_outputs(model: Model, outputs: Sequence[str]) -> tuple[str, ...]:
+    known = [o.signal for o in model.kind.outputs]
+    wrong = [name for name in outputs if name not in known]
+    if wrong or not outputs:
+        raise UserError(
+            f'a {model.kind.title} has outputs {", ".join(known)}; '
+            f'got {", ".join(outputs) or "none"}'
+        )
+    return tuple(outputs)
