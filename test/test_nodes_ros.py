@@ -37,10 +37,11 @@ from motor_sysid.nodes.publishing import (
     STREAM,
     vector_publisher,
 )
+from motor_sysid.nodes.recorder import RecorderSettings
 from motor_sysid.nodes.statuses import Status
 
 VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
-SETTINGS = {'motor': MotorSettings, 'pid': PidSettings}
+SETTINGS = {'motor': MotorSettings, 'pid': PidSettings, 'recorder': RecorderSettings}
 QUIET = {'current_noise': 0.0, 'current_bits': 0, 'encoder_counts': 0, 'current_offset': 0.0}
 
 
@@ -369,6 +370,18 @@ def test_messages_that_the_queue_lost_are_counted(other: Node) -> None:
     wait_for(lambda: topic.drain() or topic.received > 1, 'the last ones')
     wait_for(lambda: topic.drain() or topic.received + topic.lost == 101, 'all')
     assert topic.lost >= 80
+
+
+def test_two_publishers_on_one_topic_are_no_loss(other: Node) -> None:
+    topic = RawTopic(other, 'shared', VECTOR)
+    writers = [vector_publisher(other, 'shared', 'dc') for _ in range(2)]
+    wait_for(lambda: topic.publishers == 2, 'a match')
+    for k in range(30):
+        for j, writer in enumerate(writers):
+            if k >= 5 * j:
+                writer.publish(k, 0.0, 0.0, 0.0)
+    wait_for(lambda: topic.drain() or topic.received == 55, 'all')
+    assert topic.lost == 0
 
 
 def test_a_message_type_that_is_not_installed_is_named(other: Node) -> None:

@@ -75,14 +75,15 @@ class Configuration:
 
     def make(self, sample_time: float) -> OnlineIdentifier:
         """Return a fresh estimator."""
-        return OnlineIdentifier(self.model, estimator=self.estimator, dt=sample_time)
+        return OnlineIdentifier(
+            self.model, self.estimator, sample_time, self.inputs(), self.outputs()
+        )
 
     def warm_up(self) -> None:
         """Have everything compiled before the first sample comes."""
         online = self.make(self.sample_time or 0.002)
-        width = len(self.inputs()), len(self.outputs())
-        times = 0.002 * np.arange(4)
-        online.update(times, np.zeros((4, width[0])), np.zeros((4, width[1])))
+        inputs, outputs = np.ones((4, len(self.inputs()))), np.ones((4, len(self.outputs())))
+        online.update(online.dt * np.arange(1.0, 5.0), inputs, outputs)
         online.estimate()
 
     def inputs(self) -> tuple[str, ...]:
@@ -90,13 +91,18 @@ class Configuration:
         return self.model.kind.inputs[0]
 
     def outputs(self) -> tuple[str, ...]:
-        """Return the measured signals that the estimator is given."""
-        return tuple(o.signal for o in self.model.kind.outputs if o.signal != 'position')
+        """Return the measured signals that the estimator is given; some may be missing."""
+        return tuple(output.signal for output in self.model.kind.outputs)
 
     def plans(self, sources: tuple[Source, ...] = DEFAULT_SOURCES) -> tuple[TopicPlan, ...]:
-        """Return the topics to listen to; the position comes along where there is a source."""
-        extra = {s.signal for s in sources if s.signal == 'position'}
-        return plan_topics(sources, (*self.inputs(), *self.outputs(), *sorted(extra)))
+        """Return the topics to listen to.
+
+        Raises
+        ------
+        UserError
+            If nothing carries an input or a needed output.
+        """
+        return plan_topics(sources, (*self.inputs(), *self.outputs()))
 
     def pipeline(self, plans: tuple[TopicPlan, ...], window: int) -> Pipeline:
         """Return the working part."""

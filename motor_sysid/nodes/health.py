@@ -74,7 +74,7 @@ class Health:
     def _intake(self, cpu: float, rate: float) -> Status:
         counts, stream = self._pipeline.join.counts, self._pipeline.stream
         lost = {f'lost {topic.resolved}': topic.lost for topic in self._topics}
-        bad = sum(lost.values()) + counts.dropped + self._pipeline.refused.not_finite
+        bad = sum(lost.values()) + counts.dropped + self._pipeline.not_finite
         values: dict[str, object] = {
             'messages_per_s': rate,
             'samples': stream.samples,
@@ -84,7 +84,7 @@ class Health:
             'out_of_order': counts.out_of_order,
             'overflow': counts.overflow,
             'restarts': counts.restarts,
-            'not_finite': self._pipeline.refused.not_finite,
+            'not_finite': self._pipeline.not_finite,
             'gaps': stream.gaps,
             'missing': stream.missing,
             'cpu_share': cpu,

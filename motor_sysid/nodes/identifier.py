@@ -28,7 +28,7 @@ from motor_sysid.nodes.publishing import (
 )
 from motor_sysid.nodes.refit import RefitJob, RefitOutcome, RefitWorker
 from motor_sysid.nodes.statuses import estimate_statuses, fit_statuses, Status
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.store import load_model
 from motor_sysid.recording.msg_config import load_msg_config
@@ -53,6 +53,11 @@ class IdentifierSettings:
     nominal: tuple[str, ...] = parameter(
         (), 'Start values as name=number in SI units, where there is no model_file.'
     )
+    speed_sensor: str = parameter(
+        'difference', 'How the drive measures speed, where there is no model_file: as the '
+        'difference of the position over the last sample, or ideally.', '',
+        choices=tuple(sensor.value for sensor in SpeedSensor),
+    )  # fmt: skip
     msg_config: str = parameter(
         '', 'File (or name of a shipped one) that says which topic carries which signal.'
     )
@@ -85,7 +90,10 @@ class IdentifierSettings:
             if self.nominal:
                 raise UserError('give `model_file` or `nominal`, not both')
             return load_model(self.model_file)
-        return Model.base(self.motor, parse_assignments(self.nominal))
+        return Model.base(
+            self.motor, parse_assignments(self.nominal),
+            speed_sensor=SpeedSensor(self.speed_sensor),
+        )  # fmt: skip
 
     def configuration(self) -> Configuration:
         """Return what the estimates depend on."""

@@ -85,7 +85,7 @@ class RawTopic:
         self.topic, self.message_type = topic, message_type
         self._class = message_class(message_type)
         self.received = self.lost = 0
-        self._last_sequence: int | None = None
+        self._heads: list[int] = []
         self._subscribe(qos or QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE))
 
     def _subscribe(self, qos: QoSProfile) -> None:
@@ -116,9 +116,19 @@ class RawTopic:
     def _count(self, messages: list[RawMessage]) -> None:
         self.received += len(messages)
         for message in messages:
-            if self._last_sequence is not None and message.sequence > self._last_sequence + 1:
-                self.lost += message.sequence - self._last_sequence - 1
-            self._last_sequence = message.sequence
+            last = message.sequence - 1
+            if last in self._heads:
+                self._heads.remove(last)
+            else:
+                self._note_jump(message.sequence)
+            self._heads.append(message.sequence)
+
+    def _note_jump(self, sequence: int) -> None:
+        """Tell a loss from a writer that was not heard before: each counts its own messages."""
+        behind = [last for last in self._heads if last < sequence]
+        if behind and len(self._heads) >= self.publishers:
+            self.lost += sequence - max(behind) - 1
+            self._heads.remove(max(behind))
 
     @property
     def publishers(self) -> int:
@@ -136,7 +146,7 @@ class RawTopic:
         if wanted.reliability == self.qos.reliability and wanted.durability == self.qos.durability:
             return False
         self._node.destroy_subscription(self._subscription)
-        self._last_sequence = None
+        self._heads = []
         self._subscribe(wanted)
         return True
 

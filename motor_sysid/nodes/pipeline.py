@@ -32,6 +32,9 @@ DEFAULT_SOURCES = (
 )
 """The package's own topics."""
 
+OPTIONAL = frozenset({'position'})
+"""Signals without which estimation goes on."""
+
 
 @dataclass(frozen=True)
 class TopicPlan:
@@ -62,7 +65,7 @@ def plan_topics(sources: Sequence[Source], wanted: Collection[str]) -> tuple[Top
         if source.signal in wanted and source.topic:
             chosen.setdefault(source.signal, source)
     for signal in wanted:
-        if signal not in chosen:
+        if signal not in chosen and signal not in OPTIONAL:
             raise UserError(f'no topic carries `{signal}`; name one in the msg_config file')
     grouped: dict[tuple[str, str, str], list[Source]] = defaultdict(list)
     for source in chosen.values():
@@ -105,6 +108,8 @@ class Window:
 
     def append(self, stamps: NDArray[np.int64], values: Array) -> None:
         """Add (K,) stamps and (K, width) values."""
+        if not stamps.size:
+            return
         capacity = self._stamps.size
         stamps, values = stamps[-capacity:], values[-capacity:]
         rows = (self._end + np.arange(stamps.size)) % capacity
@@ -120,13 +125,6 @@ class Window:
         """Return the samples in order: (N,) stamps in ns, (N, width) values."""
         rows = (self._end - self._count + np.arange(self._count)) % self._stamps.size
         return self._stamps[rows], self._values[rows]
-
-
-@dataclass
-class Refused:
-    """Samples that were complete but not used, because a value was not a finite number."""
-
-    not_finite: int = 0
 
 
 class Pipeline:
@@ -149,6 +147,8 @@ class Pipeline:
     ----------
     signals:
         Every signal of the window, in order.
+    not_finite:
+        Samples with a value that is no finite number where one is needed.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Pipeline:
         self._readers = [plan.reader() for plan in plans]
         self._stamped = [len(plan.stamp) for plan in plans]
         self.join = StampJoin(len(plans), tolerance=tolerance)
-        self.stream, self.refused = stream, Refused()
+        self.stream, self.not_finite = stream, 0
         self._sources = tuple(source for plan in plans for source in plan.sources)
         self.signals = tuple(source.signal for source in self._sources)
         self._convert = tuple(
@@ -173,8 +173,8 @@ class Pipeline:
             )
         )  # fmt: skip
         self._inputs = [self.signals.index(name) for name in inputs]
-        self._outputs = [self.signals.index(name) for name in outputs]
-        self._used = [*self._inputs, *self._outputs]
+        self._outputs = [self.signals.index(n) if n in self.signals else -1 for n in outputs]
+        self._needed = [k for k, name in enumerate(self.signals) if name not in OPTIONAL]
         self.window = Window(window, len(self.signals))
 
     def push(self, topic: int, data: bytes, received: int) -> None:
@@ -195,14 +195,15 @@ class Pipeline:
         values = np.array([row[1] for row in rows], dtype=np.float64)
         for k in self._convert:
             values[:, k] = self._sources[k].to_si(values[:, k])
-        good = np.isfinite(values[:, self._used]).all(axis=1)
-        if not good.all():
-            self.refused.not_finite += int(good.size - good.sum())
-            stamps, values = stamps[good], values[good]
-        if not stamps.size:
-            return []
-        self.window.append(stamps, values)
-        return self.stream.feed(stamps, values[:, self._inputs], values[:, self._outputs])
+        good = np.isfinite(values[:, self._needed]).all(axis=1)
+        self.not_finite += int(good.size - good.sum())
+        self.window.append(stamps[good], values[good])
+        return self.stream.feed(stamps, values[:, self._inputs], self._measured(values))
+
+    def _measured(self, values: Array) -> Array:
+        outputs = values[:, self._outputs]
+        outputs[:, [k < 0 for k in self._outputs]] = np.nan
+        return outputs
 
     def reset(self) -> None:
         """Start anew with the next sample."""

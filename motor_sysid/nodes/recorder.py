@@ -1,0 +1,142 @@
+"""The `recorder` node: raw messages straight into a rosbag2 bag that survives a kill."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+import time
+
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.qos import QoSProfile
+
+from motor_sysid.errors import UserError
+from motor_sysid.nodes.intake import adapted_qos, RawTopic
+from motor_sysid.nodes.loop import LoopNode
+from motor_sysid.nodes.loop import main as run
+from motor_sysid.nodes.parameters import parameter, Settings
+from motor_sysid.nodes.publishing import DEPTH, DiagnosticsPublisher, now_ns
+from motor_sysid.nodes.statuses import Status
+from motor_sysid.recording.writer import BagWriter, STORAGES
+
+TOPICS = (
+    'motor/voltage', 'motor/current', 'motor/speed', 'motor/reference', 'motor/voltage_command',
+    'identifier/estimate', 'identifier/model', 'identifier/prediction', 'identifier/residual',
+    '/diagnostics',
+)  # fmt: skip
+LOOK, CALM = 0.2, 1.0
+"""Time between two looks for new topics, as long as some are missing and after that, s."""
+
+
+@dataclass(frozen=True)
+class RecorderSettings:
+    """Parameters of the node."""
+
+    path: str = parameter('', 'Folder of the new bag; empty for one named by date and time.')
+    storage: str = parameter(
+        'sqlite3', 'Storage of the bag; either can be read after a kill.', choices=tuple(STORAGES)
+    )
+    topics: tuple[str, ...] = parameter(TOPICS, 'Topics to record; each as soon as it appears.')
+    all_topics: bool = parameter(False, 'Record every topic there is, not those listed.')
+    drain_period: float = parameter(0.01, 'Messages are taken this often.', 's', 0.001, 0.5)
+
+
+class RecorderNode(LoopNode):
+    """Records topics with the QoS that their publishers offer and the times of reception."""
+
+    def __init__(
+        self, context: Context | None = None, overrides: Sequence[Parameter] = ()
+    ) -> None:
+        super().__init__(
+            'recorder', context=context, parameter_overrides=list(overrides),
+            automatically_declare_parameters_from_overrides=True,
+        )  # fmt: skip
+        self.settings = Settings(self, RecorderSettings)
+        s = self.settings.value
+        self.period = s.drain_period
+        self._wanted = [self.resolve_topic_name(topic) for topic in s.topics]
+        self._topics: dict[str, RawTopic] = {}
+        self._refused: set[str] = set()
+        self._next_look = self._next_report = 0.0
+        self._diagnostics = DiagnosticsPublisher(self, '/diagnostics', QoSProfile(depth=10))
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
+        name = s.path or f'bag_{datetime.now().astimezone():%Y%m%d_%H%M%S}'
+        self._writer = BagWriter(name, s.storage)
+        self.get_logger().info(f'recording to {self._writer.path.resolve()}')
+
+    def step(self) -> None:
+        """Write what has come; look for new topics now and then."""
+        for topic in self._topics.values():
+            self._write(topic)
+        now = time.monotonic()
+        if now >= self._next_look:
+            self._discover()
+            missing = self.settings.value.all_topics or len(self._topics) < len(self._wanted)
+            self._next_look = now + (LOOK if missing else CALM)
+        if now >= self._next_report:
+            self._next_report = now + 1.0
+            self._report()
+
+    def close(self) -> None:
+        """Write what has come up to now and close the bag."""
+        for topic in self._topics.values():
+            self._write(topic)
+        self._writer.close()
+        total, lost = sum(self._writer.counts.values()), self._lost()
+        self.get_logger().info(
+            f'{total} messages on {len(self._topics)} topics, {lost} lost: {self._writer.path}'
+        )
+
+    def _write(self, topic: RawTopic) -> None:
+        messages = topic.drain()
+        received = now_ns(self.get_clock()) if self._simulated and messages else 0
+        for message in messages:
+            self._writer.write(topic.resolved, received or message.received, message.data)
+
+    def _discover(self) -> None:
+        for name, types in self.get_topic_names_and_types():
+            if name in self._topics or name in self._refused:
+                continue
+            if self.settings.value.all_topics or name in self._wanted:
+                self._add(name, types[0])
+
+    def _add(self, name: str, message_type: str) -> None:
+        """Record a topic from now on, if someone publishes it and its type is known."""
+        offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
+        if not offered:
+            return
+        try:
+            topic = RawTopic(
+                self, name, message_type, adapted_qos(offered, QoSProfile(depth=DEPTH))
+            )
+            self._writer.add_topic(name, message_type, offered)
+        except UserError as error:
+            self._refused.add(name)
+            self.get_logger().warning(f'{name} is not recorded: {error}')
+            return
+        self._topics[name] = topic
+        self.get_logger().info(f'{name} [{message_type}]')
+
+    def _report(self) -> None:
+        for topic in self._topics.values():
+            topic.adapt()
+        self._writer.flush()
+        values: dict[str, object] = {
+            'messages': sum(self._writer.counts.values()),
+            'topics': len(self._topics),
+            'lost': self._lost(),
+        }
+        text = 'messages were lost' if values['lost'] else 'ok'
+        status = Status('recorder', values, text, warn=bool(values['lost']))
+        self._diagnostics.publish(now_ns(self.get_clock()), [status])
+
+    def _lost(self) -> int:
+        return sum(topic.lost for topic in self._topics.values())
+
+
+def main(args: Sequence[str] | None = None) -> int:
+    """Run the node."""
+    return run(RecorderNode, args)
+
+
+if __name__ == '__main__':
+    raise SystemExit(main())
