@@ -38,7 +38,9 @@ def report(view: View, tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Watched:
     """A page that remembers what went wrong and what it asked for."""
 
-    def __init__(self, browser: 'Browser', path: Path, fragment: str = '', **options: object) -> None:
+    def __init__(
+        self, browser: 'Browser', path: Path, fragment: str = '', **options: object
+    ) -> None:
         options = {'viewport': {'width': 1600, 'height': 1000}, 'offline': True, **options}
         self.context = browser.new_context(**options)
         self.page = self.context.new_page()
@@ -257,7 +259,9 @@ def test_tables_tell_what_the_pictures_show(opened: Watched, view: View) -> None
     assert 'Unexplained torque by position' in tables
 
 
-def test_light_and_dark_follow_the_system_and_the_button(chromium: 'Browser', report: Path) -> None:
+def test_light_and_dark_follow_the_system_and_the_button(
+    chromium: 'Browser', report: Path
+) -> None:
     for scheme, other in (('light', 'dark'), ('dark', 'light')):
         watched = Watched(chromium, report, color_scheme=scheme)
         theme = 'document.documentElement.dataset.theme'

@@ -127,7 +127,7 @@ def _stretch(index: int, bench: Bench) -> StretchView:
     record, stretch = bench.diagnosis.records[index], bench.stretches[index]
     name = names[index]
     return {
-        'label': name if len(names) > 1 and names.count(name) == 1 else '',
+        'label': name if len(set(names)) > 1 else '',
         'source': name,
         'role': bench.diagnosis.roles[index],
         'start': stretch.start,

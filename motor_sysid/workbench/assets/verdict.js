@@ -11,19 +11,21 @@ function drawHeadline(view) {
     : [];
   $('#headline').replaceChildren(
     el('span', {class: `badge ${verdict.key}`}, verdict.key.replace(/_/g, ' ')), ' ', el('b', {}, `${verdict.title}.`), ...fall);
-  drawWhy(verdict);
+  drawWhy(verdict, fall.length > 0);
   const experiment = verdict.experiment;
   $('#experiment').hidden = !experiment;
   if (experiment) {
     $('#experiment').replaceChildren(el('b', {}, 'Record next: '),
-      Object.entries(experiment).map(([key, text]) => `${key.replace(/_/g, ' ')}: ${text}`).join('; '));
+      `${Object.values(experiment).join(', ')}.`);
   }
 }
 
 const brief = (value) => (value === null ? '–' : `${digits(value, 2)} %`);
 
-function drawWhy({reasons, warnings}) {
-  const lines = [...reasons, ...warnings.map((w) => `Note: ${w}`)];
+/** The reasons; the first one is left out where it only repeats the headline. */
+function drawWhy({title, reasons, warnings}, told) {
+  const repeats = told && reasons.length > 1 && reasons[0].startsWith(title);
+  const lines = [...(repeats ? reasons.slice(1) : reasons), ...warnings.map((w) => `Note: ${w}`)];
   const why = $('#why');
   why.hidden = !lines.length;
   if (!lines.length) return;
@@ -48,7 +50,7 @@ function drawNow(view, step) {
     el('b', {class: done ? 'ok' : 'bad'}, brief(s.validation_error_percent))];
   parts.push(s.times_floor === null ? '. ' : `, ${times(s.times_floor)} the noise floor. `);
   parts.push(...worstRegime(s));
-  const best = s.candidates.find((c) => c.passes);
+  const best = bestOf(s);
   if (best) {
     const gain = 1 - best.validation_error_percent / s.validation_error_percent;
     parts.push('Best explanation: ', el('b', {}, cap(best.title)), `, error ${MINUS}${Math.round(100 * gain)} %.`);
@@ -57,6 +59,9 @@ function drawNow(view, step) {
   }
   $('#now').replaceChildren(...parts);
 }
+
+/** The candidate that was taken, else the best that passes. */
+const bestOf = (s) => s.candidates.find((c) => c.added) || s.candidates.find((c) => c.passes);
 
 /** The regime with the most error for its time, if one stands out. */
 function worstRegime(s) {

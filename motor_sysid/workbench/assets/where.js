@@ -145,6 +145,7 @@ function makeWhere(view, mark) {
   function withLaw(curve) {
     const rivals = view.steps[step].candidates.filter((c) =>
       c.passes && c.curve && c.curve.law && c.curve.axis === curve.axis && c.curve.quantity === curve.quantity);
+    rivals.sort((a, b) => Boolean(b.added) - Boolean(a.added));
     const name = rivals.length ? cap(rivals[0].title) : '';
     if (curve.law || !rivals.length) return {...curve, name: name || 'best law'};
     return {...rivals[0].curve, name};
