@@ -7,6 +7,7 @@ estimates, bit for bit.
 from collections import defaultdict
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 import math
 
 import numpy as np
@@ -20,6 +21,7 @@ from motor_sysid.signals.join import StampJoin
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
 
 SECOND = 1_000_000_000
 VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
@@ -106,7 +108,7 @@ class Window:
         """Return the number of samples held."""
         return self._count
 
-    def append(self, stamps: NDArray[np.int64], values: Array) -> None:
+    def append(self, stamps: Stamps, values: Array) -> None:
         """Add (K,) stamps and (K, width) values."""
         if not stamps.size:
             return
@@ -121,7 +123,7 @@ class Window:
         """Forget all samples."""
         self._count = self._end = 0
 
-    def last(self) -> tuple[NDArray[np.int64], Array]:
+    def last(self) -> tuple[Stamps, Array]:
         """Return the samples in order: (N,) stamps in ns, (N, width) values."""
         rows = (self._end - self._count + np.arange(self._count)) % self._stamps.size
         return self._stamps[rows], self._values[rows]
@@ -176,6 +178,7 @@ class Pipeline:
         self._outputs = [self.signals.index(n) if n in self.signals else -1 for n in outputs]
         self._needed = [k for k, name in enumerate(self.signals) if name not in OPTIONAL]
         self.window = Window(window, len(self.signals))
+        self._starts = np.empty(0, dtype=np.int64)
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
@@ -198,12 +201,29 @@ class Pipeline:
         good = np.isfinite(values[:, self._needed]).all(axis=1)
         self.not_finite += int(good.size - good.sum())
         self.window.append(stamps[good], values[good])
-        return self.stream.feed(stamps, values[:, self._inputs], self._measured(values))
+        return self._feed(stamps, values[:, self._inputs], self._measured(values))
 
     def _measured(self, values: Array) -> Array:
         outputs = values[:, self._outputs]
         outputs[:, [k < 0 for k in self._outputs]] = np.nan
         return outputs
+
+    def start_at(self, stamps: Collection[int]) -> None:
+        """Leave out what is before the first of these stamps (ns), and start anew at each."""
+        self._starts = np.array(sorted(stamps), dtype=np.int64)
+
+    def _feed(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
+        if not self._starts.size:
+            return self.stream.feed(stamps, inputs, outputs)
+        events: list[Event] = []
+        cuts = np.flatnonzero(np.isin(stamps, self._starts))
+        for start, stop in pairwise([0, *cuts.tolist(), stamps.size]):
+            if stop > start and stamps[start] >= self._starts[0]:
+                if stamps[start] in self._starts:
+                    self.stream.reset()
+                rows = slice(start, stop)
+                events += self.stream.feed(stamps[rows], inputs[rows], outputs[rows])
+        return events
 
     def reset(self) -> None:
         """Start anew with the next sample."""

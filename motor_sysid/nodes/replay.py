@@ -1,0 +1,243 @@
+"""Run the identifier's own code over a bag: the same estimates as live, bit for bit."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+import heapq
+from pathlib import Path
+import time
+
+from rosbags.typesys import get_typestore, Stores
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.stream import Event
+from motor_sysid.nodes.configuration import Configuration
+from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, TopicPlan
+from motor_sysid.nodes.statuses import estimate_statuses, text_of
+from motor_sysid.recording.rosbag import Bag
+from motor_sysid.recording.sources import Source
+
+DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
+Texts = Mapping[str, Mapping[str, str]]
+"""Status name to its key-value texts."""
+
+
+@dataclass(frozen=True)
+class Published:
+    """One message of ~/estimate as recorded: stamp in ns, and the texts of every status."""
+
+    stamp: int
+    statuses: Texts
+
+    @property
+    def first_stamp(self) -> int:
+        """Stamp of the first sample that the estimator was given, ns."""
+        return int(self.statuses['samples']['first_stamp'])
+
+
+@dataclass(frozen=True)
+class Check:
+    """How the replayed estimates compare with the recorded ones.
+
+    Attributes
+    ----------
+    compared:
+        Recorded estimates that the replay reached with the same samples.
+    unreachable:
+        Recorded estimates that the bag does not hold all samples of.
+    difference:
+        The first difference, in words; empty if there is none.
+    """
+
+    compared: int
+    unreachable: int
+    difference: str = ''
+
+    @property
+    def equal(self) -> bool:
+        """Whether something was compared and all of it was equal."""
+        return bool(self.compared) and not self.difference
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a replay gives.
+
+    Attributes
+    ----------
+    configuration:
+        What the identifier was set to.
+    events:
+        Every estimate and prediction, in order.
+    samples, duration, seconds:
+        Samples given to the estimator, their span in s, and the time that it took.
+    dropped:
+        Messages without partners.
+    check:
+        Comparison with the recorded estimates; None if the bag has none.
+    """
+
+    configuration: Configuration
+    events: tuple[Event, ...]
+    samples: int
+    duration: float
+    seconds: float
+    dropped: int
+    check: Check | None = None
+    notes: tuple[str, ...] = field(default=())
+
+    @property
+    def estimates(self) -> list[Event]:
+        """Events that carry estimates."""
+        return [event for event in self.events if event.estimate is not None]
+
+
+def replay(
+    path: str | Path,
+    configuration: Configuration | None = None,
+    sources: tuple[Source, ...] = DEFAULT_SOURCES,
+    node: str = 'identifier',
+) -> Replay:
+    """Run over a bag.
+
+    Parameters
+    ----------
+    path:
+        Bag folder or file.
+    configuration:
+        What the identifier is set to; default: as recorded on ~/model.
+    sources:
+        Which topic carries which signal.
+    node:
+        Name of the identifier whose topics are looked up in the bag.
+
+    Raises
+    ------
+    UserError
+        If a needed topic is missing, or no configuration was recorded and none is given.
+    """
+    begin = time.perf_counter()
+    bag = Bag(path)
+    recorded = _recorded_estimates(bag, node)
+    given = configuration or recorded_configuration(bag, node)
+    plans = _rooted(bag, given.plans(sources))
+    pipeline = given.pipeline(plans, window=2)
+    if recorded:
+        pipeline.start_at(sorted({one.first_stamp for one in recorded}))
+    events = tuple(_run(bag, pipeline, plans))
+    stamps = [event.stamp for event in events]
+    return Replay(
+        given,
+        events,
+        pipeline.stream.samples,
+        (stamps[-1] - stamps[0]) * 1e-9 if stamps else 0.0,
+        time.perf_counter() - begin,
+        pipeline.join.counts.dropped,
+        _compare(events, recorded) if recorded else None,
+        tuple(finding.message for finding in bag.findings),
+    )
+
+
+def recorded_configuration(bag: Bag, node: str = 'identifier') -> Configuration:
+    """Return the configuration that an identifier published on ~/model.
+
+    Raises
+    ------
+    UserError
+        If the bag has none.
+    """
+    topic = _find(bag, f'{node}/model')
+    messages = list(_diagnostics(bag, topic)) if topic else []
+    if not messages:
+        raise UserError(
+            f'{bag.path} holds no configuration of an identifier (topic `{node}/model`); '
+            'give `--model` and `--estimator`'
+        )
+    return Configuration.from_texts(messages[0].statuses['configuration'])
+
+
+def _run(bag: Bag, pipeline: Pipeline, plans: Sequence[TopicPlan]) -> Iterator[Event]:
+    """Yield every event; topics are merged by reception, and drained in blocks for speed."""
+    read = bag.read([plan.topic for plan in plans])
+    streams = [
+        zip(read[plan.topic].received.tolist(), [k] * len(read[plan.topic]), read[plan.topic],
+            strict=True)
+        for k, plan in enumerate(plans)
+        if plan.topic in read
+    ]  # fmt: skip
+    for count, (received, topic, data) in enumerate(heapq.merge(*streams, key=lambda m: m[0])):
+        pipeline.push(topic, data, received)
+        if count % 1000 == 999:
+            yield from pipeline.advance()
+    yield from pipeline.advance()
+
+
+def _rooted(bag: Bag, plans: Sequence[TopicPlan]) -> tuple[TopicPlan, ...]:
+    """Return the plans with the topics' full names in the bag."""
+    return tuple(replace(plan, topic=_existing(bag, plan.topic)) for plan in plans)
+
+
+def _existing(bag: Bag, topic: str) -> str:
+    found = _find(bag, topic)
+    if found is None:
+        raise UserError(
+            f'{bag.path} has no topic `{topic}`; it has {", ".join(bag.topics) or "none"}. '
+            'Name the topics in a msg_config file'
+        )
+    return found
+
+
+def _find(bag: Bag, topic: str) -> str | None:
+    tail = '/' + topic.strip('/')
+    return next((name for name in bag.topics if name.endswith(tail)), None)
+
+
+def _recorded_estimates(bag: Bag, node: str) -> list[Published]:
+    topic = _find(bag, f'{node}/estimate')
+    return list(_diagnostics(bag, topic)) if topic else []
+
+
+def _diagnostics(bag: Bag, topic: str) -> Iterator[Published]:
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for _, _, data in bag.iterate([topic]):
+        message = store.deserialize_cdr(data, DIAGNOSTICS)
+        stamp = message.header.stamp  # type: ignore[attr-defined]
+        statuses = {
+            status.name: {pair.key: pair.value for pair in status.values}
+            for status in message.status  # type: ignore[attr-defined]
+        }
+        yield Published(stamp.sec * 1_000_000_000 + stamp.nanosec, statuses)
+
+
+def _texts(event: Event) -> Texts:
+    """Return what the node would publish for this event."""
+    return {
+        status.name: {key: text_of(value) for key, value in status.values.items()}
+        for status in estimate_statuses(event)
+    }
+
+
+def _compare(events: Sequence[Event], recorded: Sequence[Published]) -> Check:
+    replayed = {(e.first_stamp, e.stamp): e for e in events if e.estimate is not None}
+    compared = unreachable = 0
+    for one in recorded:
+        event = replayed.get((one.first_stamp, one.stamp))
+        if event is None or event.digest != one.statuses['samples']['digest']:
+            unreachable += 1
+            continue
+        compared += 1
+        texts = _texts(event)
+        if texts != one.statuses:
+            return Check(compared, unreachable, _difference(one, texts))
+    return Check(compared, unreachable)
+
+
+def _difference(one: Published, texts: Texts) -> str:
+    for name in sorted({*one.statuses, *texts}):
+        live, again = one.statuses.get(name, {}), texts.get(name, {})
+        for key in sorted({*live, *again}):
+            if live.get(key) != again.get(key):
+                return (
+                    f'`{name}` {key} at stamp {one.stamp * 1e-9:.6f} s: '
+                    f'live {live.get(key)}, replayed {again.get(key)}'
+                )
+    return ''
