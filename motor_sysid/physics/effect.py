@@ -12,8 +12,8 @@ argument names say what it needs, and nothing else has to be declared:
 the parameter that delays the input.
 """
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 import inspect
 from types import ModuleType
@@ -69,6 +69,9 @@ class Amplitude:
         Largest sensible absolute value, in units of the scale.
     positive:
         Whether physics forbids negative values.
+    trials:
+        Values to try, in units of the scale, where the law is far from linear in this parameter;
+        empty where its derivative at zero tells what it does.
     """
 
     name: str
@@ -77,6 +80,7 @@ class Amplitude:
     scale: Scale
     limit: float = 10.0
     positive: bool = False
+    trials: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -126,7 +130,10 @@ class Card:
     delay:
         Name of the parameter that delays the input, if the effect is one.
     generalises:
-        Effects that are special cases of this one; it takes their place.
+        Effects that are special cases of this one, which takes their place: key to (own parameter,
+        parameter of the special case that it starts from) pairs.
+    rotary:
+        Whether it needs an angle, and so makes no sense for a linear axis.
     orders:
         Name of the shape that counts waves per turn, if the data are to be searched for it.
     """
@@ -141,7 +148,8 @@ class Card:
     axis: str = 'speed'
     states: tuple[str, ...] = ()
     delay: str = ''
-    generalises: tuple[str, ...] = ()
+    generalises: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    rotary: bool = False
     orders: str = ''
 
     @property

@@ -29,7 +29,7 @@ def substep_matrices(a, b, g, h):  # type: ignore[no-untyped-def]
     a, b, g:
         (W, n, n), (W, n, k) and (W, n, m) arrays of W systems.
     h:
-        Length of the substep in s.
+        (W,) length of the substep in s.
 
     Returns
     -------
@@ -48,7 +48,7 @@ def substep_matrices(a, b, g, h):  # type: ignore[no-untyped-def]
         for i in range(n):
             row = 0.0
             for j in range(n):
-                z[i, j] = a[lane, i, j] * h
+                z[i, j] = a[lane, i, j] * h[lane]
                 row += abs(z[i, j])
             norm = max(norm, row)
             if row != row:
@@ -75,9 +75,9 @@ def substep_matrices(a, b, g, h):  # type: ignore[no-untyped-def]
         for i in range(n):
             for j in range(n):
                 whole[i, j, lane] = e[i, j]
-        _product(p1, b[lane], h, input_part, lane)
-        _product(p1, g[lane], h, force_part, lane)
-        _product(p2, g[lane], h, force_slope, lane)
+        _product(p1, b[lane], h[lane], input_part, lane)
+        _product(p1, g[lane], h[lane], force_part, lane)
+        _product(p2, g[lane], h[lane], force_slope, lane)
     return whole, input_part, force_part, force_slope
 
 

@@ -11,6 +11,9 @@ those laws between ``x`` and ``a`` with every other argument held, and ``d`` the
 state beyond ``a``.  The linear motor is exact for any time constant.
 (Cox and Matthews 2002, doi:10.1006/jcph.2002.6995, for exponential time differencing.)
 
+An input delay of k samples and a fraction f cuts each sample in two pieces of its own length in
+every lane: f under the older input, the rest under the newer one.  That is exact, too.
+
 The kernel works on blocks of 32 parameter vectors; the last axis of every array is the lane.
 """
 
@@ -22,8 +25,8 @@ from motor_sysid.physics.native import call_lane, LANES
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def run_block(  # type: ignore[no-untyped-def]
-    step, phi1_input, phi1_force, phi2_force, substeps, h, t0,
-    inputs, delay, position, buffer, base, x,
+    step, phi1_input, phi1_force, phi2_force, width, substeps, dt, t0, first,
+    inputs, late, position, buffer, base, x,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_address, lane_own, lane_state, stiff_count, stiff_force,
     rate_address, rate_own, rate_state, memory_offset, memory_rate,
@@ -34,13 +37,17 @@ def run_block(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     step, phi1_input, phi1_force, phi2_force:
-        (n, n, W), (n, n_u, W), (n, m, W), (n, m, W) matrices of one substep.
-    substeps, h, t0:
-        Substeps per sample, length of a substep in s, time of the first sample in s.
+        (S, n, n, W), (S, n, n_u, W), (S, n, m, W), (S, n, m, W) matrices of one substep of each of
+        the S pieces of a sample; S is 1 without and 2 with an input delay.
+    width:
+        (S, W) length of a substep in s.
+    substeps, dt, t0, first:
+        Substeps per piece, sample time and time of the first row of inputs in s, and the row to
+        begin at.
     inputs:
         (N, n_u) held inputs.
-    delay:
-        (W,) input delay in samples, or empty.
+    late:
+        (W,) whole samples that the input is late by.
     position:
         (N,) measured position for laws that depend on it, or empty.
     buffer, base:
@@ -48,9 +55,9 @@ def run_block(  # type: ignore[no-untyped-def]
     x:
         (n, W) core state, advanced in place.
     outputs:
-        (N, n_y, W) model outputs at the sample times.
+        (N - first, n_y, W) model outputs at the sample times.
     """
-    n, m, n_u = step.shape[0], phi1_force.shape[1], inputs.shape[1]
+    pieces, n, m, n_u = step.shape[0], step.shape[1], phi1_force.shape[2], inputs.shape[1]
     count = inputs.shape[0]
     n_lanes = lane_address.shape[0]
     n_memory = memory_offset.shape[0]
@@ -62,42 +69,48 @@ def run_block(  # type: ignore[no-untyped-def]
     old_memory = np.empty((n_memory + 1, LANES))
     old_rate = np.empty((n_memory + 1, LANES))
     u = np.empty((n_u, LANES))
+    now, h = np.empty(LANES), np.empty(LANES)
+    here, there = np.zeros(LANES), np.zeros(LANES)
     follows = position.shape[0] > 0
     position_row = -1
     for j in range(n):
         if state_rows[j] == 2:
             position_row = j
 
-    for sample in range(count):
+    for sample in range(first, count):
         for y in range(outputs.shape[1]):
             j = output_state[y]
             bias = output_bias[y] * LANES
             if output_rate[y]:
-                scale = 1.0 / (h * substeps)
+                scale = 1.0 / dt
                 for k in range(LANES):
-                    outputs[sample, y, k] = (x[j, k] - previous[j, k]) * scale + buffer[bias + k]
+                    outputs[sample - first, y, k] = (x[j, k] - previous[j, k]) * scale + buffer[bias + k]
             else:
                 for k in range(LANES):
-                    outputs[sample, y, k] = x[j, k] + buffer[bias + k]
+                    outputs[sample - first, y, k] = x[j, k] + buffer[bias + k]
         for j in range(n):
             for k in range(LANES):
                 previous[j, k] = x[j, k]
 
-        for part in range(substeps):
-            hold_input(u, inputs, delay, sample, part, substeps)
+        for k in range(LANES):
+            now[k] = t0 + sample * dt
+        for part in range(pieces * substeps):
+            piece = part // substeps
+            hold_input(u, inputs, late, sample - (pieces - 1 - piece))
             for j in range(n_u):
                 row = input_rows[j] * LANES
                 for k in range(LANES):
                     buffer[row + k] = u[j, k]
-            now = t0 + (sample * substeps + part) * h
             for k in range(LANES):
-                buffer[time_row * LANES + k] = now
-            here, there = 0.0, 0.0
+                h[k] = width[piece, k]
+                buffer[time_row * LANES + k] = now[k]
             if follows:
-                after = min(sample + 1, count - 1)
-                slope = (position[after] - position[sample]) / substeps
-                here = position[sample] + part * slope
-                there = here + slope
+                base_position = position[sample]
+                slope = (position[min(sample + 1, count - 1)] - base_position) / dt
+                begun = t0 + sample * dt
+                for k in range(LANES):
+                    here[k] = base_position + slope * (now[k] - begun)
+                    there[k] = here[k] + slope * h[k]
 
             # stage 0: every law at the state
             load_state(buffer, x, state_rows, position_row, follows, here)
@@ -120,7 +133,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 for k in range(LANES):
                     old_memory[s, k] = buffer[offset + k]
                     old_rate[s, k] = buffer[memory_rate[s] + k]
-                    buffer[offset + k] += h * old_rate[s, k]
+                    buffer[offset + k] += h[k] * old_rate[s, k]
 
             # predictor
             for j in range(n):
@@ -128,14 +141,16 @@ def run_block(  # type: ignore[no-untyped-def]
                     predicted[j, k] = 0.0
                 for i in range(n):
                     for k in range(LANES):
-                        predicted[j, k] += step[j, i, k] * x[i, k]
+                        predicted[j, k] += step[piece, j, i, k] * x[i, k]
                 for i in range(n_u):
                     for k in range(LANES):
-                        predicted[j, k] += phi1_input[j, i, k] * u[i, k]
+                        predicted[j, k] += phi1_input[piece, j, i, k] * u[i, k]
                 if n_lanes > 0:
                     for i in range(m):
                         for k in range(LANES):
-                            predicted[j, k] += phi1_force[j, i, k] * before[i, k]
+                            predicted[j, k] += phi1_force[piece, j, i, k] * before[i, k]
+            for k in range(LANES):
+                now[k] += h[k]
             if n_lanes == 0 and n_memory == 0:
                 for j in range(n):
                     for k in range(LANES):
@@ -170,7 +185,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 for s in range(n_memory):
                     offset = memory_offset[s]
                     for k in range(LANES):
-                        buffer[offset + k] = old_memory[s, k] + h * old_rate[s, k]
+                        buffer[offset + k] = old_memory[s, k] + h[k] * old_rate[s, k]
 
             # stage 1: every law at the predicted state
             load_state(buffer, predicted, state_rows, position_row, follows, there)
@@ -182,7 +197,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 offset = memory_offset[s]
                 for k in range(LANES):
                     rate = buffer[memory_rate[s] + k]
-                    buffer[offset + k] = old_memory[s, k] + 0.5 * h * (old_rate[s, k] + rate)
+                    buffer[offset + k] = old_memory[s, k] + 0.5 * h[k] * (old_rate[s, k] + rate)
 
             # corrector
             for j in range(m):
@@ -195,41 +210,34 @@ def run_block(  # type: ignore[no-untyped-def]
                     change[j, k] = 0.0
                 for i in range(m):
                     for k in range(LANES):
-                        change[j, k] += phi2_force[own, i, k] * before[i, k]
+                        change[j, k] += phi2_force[piece, own, i, k] * before[i, k]
             if stiff_count > 0:
                 for j in range(m):
                     own = own_state[j]
                     for k in range(LANES):
-                        damped = 1.0 - phi2_force[own, j, k] * stiff[j, k]
+                        damped = 1.0 - phi2_force[piece, own, j, k] * stiff[j, k]
                         before[j, k] += stiff[j, k] * change[j, k] / damped
             for j in range(n):
                 for k in range(LANES):
                     x[j, k] = predicted[j, k]
                 for i in range(m):
                     for k in range(LANES):
-                        x[j, k] += phi2_force[j, i, k] * before[i, k]
+                        x[j, k] += phi2_force[piece, j, i, k] * before[i, k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def hold_input(u, inputs, delay, sample, part, substeps):  # type: ignore[no-untyped-def]
-    """Write the mean of the delayed, held input over one substep to `u` (n_u, W)."""
+def hold_input(u, inputs, late, sample):  # type: ignore[no-untyped-def]
+    """Write the input that acts in each lane to `u` (n_u, W)."""
     n_u = inputs.shape[1]
-    if delay.shape[0] == 0:
+    if late.shape[0] == 0:
         for j in range(n_u):
             for k in range(LANES):
                 u[j, k] = inputs[sample, j]
         return
     for k in range(LANES):
-        late = max(delay[k], 0.0)
-        start = sample + part / substeps - late
-        first = int(np.floor(start))
-        into = start - first
-        width = 1.0 / substeps
-        spill = max(into + width - 1.0, 0.0) / width
+        at = max(sample - late[k], 0)
         for j in range(n_u):
-            one = inputs[max(first, 0), j]
-            two = inputs[min(max(first + 1, 0), inputs.shape[0] - 1), j]
-            u[j, k] = one + spill * (two - one)
+            u[j, k] = inputs[at, j]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -239,7 +247,7 @@ def load_state(buffer, x, state_rows, position_row, follows, position):  # type:
         row = state_rows[j] * LANES
         if follows and j == position_row:
             for k in range(LANES):
-                buffer[row + k] = position
+                buffer[row + k] = position[k]
         else:
             for k in range(LANES):
                 buffer[row + k] = x[j, k]

@@ -94,7 +94,7 @@ class Model:
     ) -> 'Model':
         """Return the model with one effect more.
 
-        Effects that the new one generalises go.  `values` name the effect's parameters without
+        Effects that the new one generalises go, and it starts from their values.  `values` name the effect's parameters without
         its key; the others start at zero (amplitudes) or at their first start (shapes).  With
         `scales` the boxes are those of the card; without, they are wide open.
 
@@ -106,23 +106,28 @@ class Model:
         new = effect(key)
         if key in self.effects:
             raise UserError(f'the model has `{key}` already')
-        missing = new.needs() - self.kind.names()
-        if missing:
+        if not self.admits(new):
+            missing = sorted(new.needs() - self.kind.names()) or ['an angle']
             raise UserError(
-                f'`{key}` needs {", ".join(sorted(missing))}, which a {self.kind.title} model '
+                f'`{key}` needs {", ".join(missing)}, which a {self.kind.title} model '
                 'does not have'
             )
-        slim = self
-        for special in new.card.generalises:
+        slim, inherited = self, {}
+        for special, pairs in new.card.generalises.items():
             if special in slim.effects:
+                inherited = {mine: self[f'{special}.{theirs}'] for mine, theirs in pairs}
                 slim = slim.without_effect(special)
         added = [_effect_parameter(new, p, scales) for p in new.card.parameters]
         if self.linear:
             added = [_linear(p) for p in added]
         parameters = slim.parameters.plus(added).with_values(
-            {f'{key}.{name}': value for name, value in (values or {}).items()}
+            {f'{key}.{name}': value for name, value in {**inherited, **(values or {})}.items()}
         )
         return replace(slim, effects=(*slim.effects, key), parameters=parameters)
+
+    def admits(self, one: Effect) -> bool:
+        """Whether the effect makes sense for this motor: it asks for nothing that is not there."""
+        return not one.needs() - self.kind.names() and not (self.linear and one.card.rotary)
 
     def without_effect(self, key: str) -> 'Model':
         """Return the model with one effect less."""

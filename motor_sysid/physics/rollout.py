@@ -104,6 +104,13 @@ class Program:
         Signals to predict.
     speed_sensor:
         How the speed signal comes about.
+
+    Attributes
+    ----------
+    names:
+        Every parameter, motor first.
+    memory_offsets:
+        Where the own states of effects lie in a workspace's buffer (first of 32 lanes each).
     """
 
     def __init__(
@@ -134,14 +141,14 @@ class Program:
         row = FIRST_PARAMETER_ROW + len(motor_names)
         laws: list[tuple[bool, int, Lane, int, int]] = []
         rates: list[tuple[Lane, int, int]] = []
-        self._memory: list[int] = []
+        self.memory_offsets: list[int] = []
         self._memory_rate: list[int] = []
         for one in self.effects:
             own = row * LANES
             row += len(one.card.parameters)
             state, count = row * LANES, len(one.card.states)
             row += 2 * count
-            self._memory += [state + s * LANES for s in range(count)]
+            self.memory_offsets += [state + s * LANES for s in range(count)]
             self._memory_rate += [state + (count + s) * LANES for s in range(count)]
             for lane in compile_effect(one, motor_names):
                 if lane.target in one.card.states:
@@ -152,6 +159,7 @@ class Program:
         laws.sort(key=lambda law: law[0])
         self._keep = [law[2] for law in laws] + [rate[0] for rate in rates]
         self._rows = row + 1
+        self._delayed = any(one.card.delay for one in self.effects)
         self._stiff_count = sum(not law[0] for law in laws)
         self._stiff_force = _integers([law[1] for law in laws])
         self._laws = tuple(
@@ -251,7 +259,7 @@ class Program:
         self, table: Array, drives: Sequence[Drive], states: Sequence[Array], substeps: int
     ) -> list[Array]:
         used = table.shape[1]
-        workspace = self.workspace(table, drives[0].dt / substeps)
+        workspace = self.workspace(table, drives[0].dt, substeps)
         results = []
         for drive, start in zip(drives, states, strict=True):
             x = np.empty((len(self.kind.states), LANES))
@@ -262,8 +270,13 @@ class Program:
             results.append(outputs[:, :, :used])
         return results
 
-    def workspace(self, table: Array, step: float) -> 'Workspace':
-        """Return the matrices and work memory of up to 32 parameter vectors (one a column)."""
+    def workspace(
+        self, table: Array, dt: float, substeps: int = 1, *, delayed: bool = True
+    ) -> 'Workspace':
+        """Return the matrices and work memory of up to 32 parameter vectors (one a column).
+
+        Without `delayed` the caller delays the input himself.
+        """
         used = table.shape[1]
         full = np.repeat(table[:, :1], LANES, axis=1)
         full[:, :used] = table
@@ -274,32 +287,49 @@ class Program:
         for p in self.kind.parameters:
             rows[offset] = named[p.name]
             offset += 1
-        delay = _EMPTY
+        delay = np.zeros(LANES)
         for one in self.effects:
             for card in one.card.parameters:
                 rows[offset] = named[f'{one.key}.{card.name}']
                 offset += 1
             offset += 2 * len(one.card.states)
             if one.card.delay:
-                late = named[f'{one.key}.{one.card.delay}']
-                delay = late.copy() if delay.size == 0 else delay + late
+                delay += np.maximum(named[f'{one.key}.{one.card.delay}'], 0.0) / dt
+        late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
+        if delayed and self._delayed:
+            whole = np.floor(np.where(np.isfinite(delay), delay, 0.0))
+            late = whole.astype(np.int64)
+            width = np.stack(((delay - whole) * dt, (1 - delay + whole) * dt))
+        width = width / substeps
         with np.errstate(all='ignore'):
-            matrices = substep_matrices(*self.kind.matrices(named), step)
-        return Workspace(matrices, buffer, delay)
+            linear = self.kind.matrices(named)
+            matrices = [substep_matrices(*linear, w) for w in width]
+        stacked = [np.stack(parts) for parts in zip(*matrices, strict=True)]
+        return Workspace((stacked[0], stacked[1], stacked[2], stacked[3]), width, late, buffer)
 
     def advance(
-        self, workspace: 'Workspace', x: Array, drive: Drive, substeps: int, outputs: Array
+        self,
+        workspace: 'Workspace',
+        x: Array,
+        drive: Drive,
+        substeps: int,
+        outputs: Array,
+        first: int = 0,
     ) -> None:
-        """Run the kernel over the drive; `x` (n, 32) and the workspace keep the final state."""
+        """Run the kernel over the drive; `x` (n, 32) and the workspace keep the final state.
+
+        Samples before `first` serve only as older inputs of a delay.
+        """
         kind = self.kind
-        delay = workspace.delay / drive.dt if workspace.delay.size else _EMPTY
         run_block(
             *workspace.matrices,
+            workspace.width,
             substeps,
-            drive.dt / substeps,
+            drive.dt,
             drive.start,
+            first,
             drive.inputs,
-            delay,
+            workspace.late,
             drive.position,
             workspace.buffer,
             workspace.buffer.ctypes.data,
@@ -313,7 +343,7 @@ class Program:
             self._stiff_count,
             self._stiff_force,
             *self._rates,
-            _integers(self._memory),
+            _integers(self.memory_offsets),
             _integers(self._memory_rate),
             *self._outputs,
             outputs,
@@ -322,11 +352,15 @@ class Program:
 
 @dataclass
 class Workspace:
-    """Matrices of one substep, the kernel's flat memory, and input delays in s (or empty)."""
+    """Matrices and lengths of the substeps, whole samples of input delay, and flat memory.
+
+    See `motor_sysid.physics.kernel.run_block` for shapes.
+    """
 
     matrices: tuple[Array, Array, Array, Array]
+    width: Array
+    late: NDArray[np.int64]
     buffer: Array
-    delay: Array
 
 
 @dataclass(frozen=True)
@@ -399,26 +433,22 @@ class Stepper:
         """Start again at rest, or at the given state (``omega=...``, ``theta=...``)."""
         values = self.model.parameters.values()
         table = np.array([[values[name]] for name in self._program.names])
-        self._workspace = self._program.workspace(table, self.dt / self._substeps)
-        late = self._workspace.delay[0] / self.dt if self._workspace.delay.size else 0.0
-        self._late = float(late)
-        self._workspace.delay = _EMPTY
+        self._workspace = self._program.workspace(table, self.dt, self._substeps)
+        depth = int(self._workspace.late[0]) + 2 if self._workspace.late.size else 1
+        self._history = np.zeros((depth, len(self.model.kind.arguments)))
         start = [state.get(name, 0.0) for name in self.model.kind.states]
         self._x = np.repeat(np.array(start)[:, np.newaxis], LANES, axis=1)
-        depth = int(self._late) + 2
-        self._history = np.zeros((depth, len(self.model.kind.arguments)))
         self._count = 0
 
     def step(self, u: float | Sequence[float]) -> None:
         """Advance one sample under the held input `u` (n_u values, or one number)."""
-        self._history = np.roll(self._history, 1, axis=0)
-        self._history[0] = u
-        whole = int(self._late)
-        part = self._late - whole
-        held = (1 - part) * self._history[whole] + part * self._history[whole + 1]
-        drive = Drive(held[np.newaxis, :], self.dt, self._count * self.dt)
+        self._history = np.roll(self._history, -1, axis=0)
+        self._history[-1] = u
+        start = (self._count - len(self._history) + 1) * self.dt
+        drive = Drive(self._history, self.dt, start)
+        last = len(self._history) - 1
         self._program.advance(
-            self._workspace, self._x, drive, self._substeps, self._outputs
+            self._workspace, self._x, drive, self._substeps, self._outputs, last
         )
         self._count += 1
 

@@ -74,7 +74,7 @@ def fit(
         Most steps of one minimization; smallest relative decrease that is worth a further step.
     """
     if weighting is None:
-        weighting = white([s.measured - s.measured.mean(axis=0) for s in problem.stretches])
+        weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     solution = minimize(problem, weighting, start=start, iterations=iterations, tolerance=tolerance)
     simulations, steps = solution.simulations, solution.iterations
     for _ in range(reweight):
@@ -161,7 +161,7 @@ def _result(
 ) -> FitResult:
     near = problem.linearize(solution.z)
     residuals = [problem.settled(one, weighting) for one in near]
-    predictions = [s.measured - r for s, r in zip(problem.stretches, residuals, strict=True)]
+    predictions = [s.judged - r for s, r in zip(problem.stretches, residuals, strict=True)]
     spread = describe(problem, solution.z, weighting, near)
     model = problem.model_at(solution.z)
     sigmas = {p.name: float(s) for p, s in zip(problem.free, spread.sigma, strict=True)}

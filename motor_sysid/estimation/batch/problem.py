@@ -42,8 +42,8 @@ class Stretch:
         Indices of the states whose initial value is uncertain; the best ones are used.
     state_size:
         (n,) size of a small change of each state.
-    scored:
-        Whether its error counts; a stretch before it may be run only for its memory.
+    scored_from:
+        First row whose error counts; its length, where the stretch is run only for its memory.
     """
 
     record: Record
@@ -52,7 +52,17 @@ class Stretch:
     state: Array
     open_states: tuple[int, ...]
     state_size: Array
-    scored: bool = True
+    scored_from: int = 0
+
+    @property
+    def scored(self) -> bool:
+        """Whether any of its error counts."""
+        return self.scored_from < len(self.record)
+
+    @property
+    def judged(self) -> Array:
+        """The (K, n_y) measured outputs whose error counts."""
+        return self.measured[self.scored_from :]
 
 
 Chain = tuple[Stretch, ...]
@@ -122,26 +132,29 @@ def make_chain(
         Where the held-back part begins, as a fraction of the record.
     scored:
         ``all``; or ``train`` or ``validate``: the part before or after `train_fraction` counts.
+        A free run is never restarted: it reaches the held-back part from the start of the record.
     """
     even = record.uniform()
     cut = round(train_fraction * len(even))
+    if horizon is None:
+        last = cut if scored == 'train' else len(even)
+        return (_stretch(even, 0, last, kind, outputs, cut if scored == 'validate' else 0),)
     parts = [(0, cut, scored != 'validate'), (cut, len(even), scored != 'train')]
     chain: list[Stretch] = []
     for first, last, counts in parts:
         if last - first < 2 or (first > 0 and scored == 'train'):
             continue
-        length = last - first if horizon is None else max(int(horizon / even.dt), 20)
-        pieces = max(round((last - first) / length), 1)
+        pieces = max(round((last - first) / max(int(horizon / even.dt), 20)), 1)
         edges = np.linspace(first, last, pieces + 1).astype(int)
         chain += [
-            _stretch(even, int(a), int(b), kind, outputs, counts)
+            _stretch(even, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
             for a, b in zip(edges[:-1], edges[1:], strict=True)
         ]
     return tuple(chain)
 
 
 def _stretch(
-    even: Record, first: int, last: int, kind: Motor, outputs: Sequence[str], scored: bool
+    even: Record, first: int, last: int, kind: Motor, outputs: Sequence[str], scored_from: int
 ) -> Stretch:
     """Prepare rows first to last; a stretch that begins at rest starts from rest."""
     record = even.slice(first, last)
@@ -164,7 +177,7 @@ def _stretch(
                 still_open.append(j)
         elif name == 'i' and 'current' in record and not at_rest:
             state[j] = _value_at(even['current'], first)
-    return Stretch(record, drive, measured, state, tuple(still_open), size, scored)
+    return Stretch(record, drive, measured, state, tuple(still_open), size, scored_from)
 
 
 def _value_at(values: Array, index: int) -> float:
@@ -253,7 +266,7 @@ class Problem:
         )
 
     def simulate(self, z: Array, shifts: Array | None = None) -> list[Array]:
-        """Return for each scored stretch the outputs (N, n_y, P) of (P, d) vectors.
+        """Return for each scored stretch the judged outputs (N, n_y, P) of (P, d) vectors.
 
         Parameters
         ----------
@@ -273,7 +286,11 @@ class Problem:
                 substeps=self.substeps,
                 threads=self.threads,
             )
-            results += [run for run, stretch in zip(runs, chain, strict=True) if stretch.scored]
+            results += [
+                run[stretch.scored_from :]
+                for run, stretch in zip(runs, chain, strict=True)
+                if stretch.scored
+            ]
         return results
 
     def linearize(self, z: Array, *, parameters: bool = True) -> list[Linearization]:
@@ -306,12 +323,20 @@ class Problem:
             tail = run[:, :, 1 + 2 * d :]
             wanted = [k for k, state in enumerate(self._open) if state in stretch.open_states]
             start = 0.5 * (tail[:, :, 0::2] - tail[:, :, 1::2])[:, :, wanted]
-            found.append(Linearization(stretch.measured - run[:, :, 0], slope, start))
+            found.append(Linearization(stretch.judged - run[:, :, 0], slope, start))
         return found
 
     def steps(self) -> Array:
-        """Return (d,) step of the central differences."""
-        return np.full(self.dimension, DIFFERENCE_STEP)
+        """Return (d,) step of the central differences.
+
+        An input delay bends the outputs wherever an edge of the input passes a sample; its step
+        is a twentieth of a sample.
+        """
+        late = {f'{e.key}.{e.card.delay}' for e in self.program.effects if e.card.delay}
+        part = 0.05 * max(stretch.drive.dt for stretch in self.stretches)
+        return np.array(
+            [part / s if p.name in late else DIFFERENCE_STEP for p, s in self._sized()]
+        )
 
     def costs(self, z: Array, weighting: Weighting, at: Sequence[Linearization]) -> Array:
         """Return (P,) weighted sums of squares of (P, d) vectors; infinite where not a number.
@@ -321,7 +346,7 @@ class Problem:
         total = np.zeros(len(z))
         for stretch, near, run in zip(self.stretches, at, self.simulate(z), strict=True):
             with np.errstate(over='ignore', invalid='ignore'):
-                error = weighting.flat(stretch.measured[:, :, np.newaxis] - run)
+                error = weighting.flat(stretch.judged[:, :, np.newaxis] - run)
                 total += np.einsum('tk,tk->k', error, error)
                 if near.start.shape[2]:
                     along = weighting.basis(near.start).T @ error

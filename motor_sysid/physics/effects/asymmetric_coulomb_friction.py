@@ -13,7 +13,7 @@ CARD = Card(
         Amplitude('tau_c_plus', 'N m', 'friction when turning forward', Scale.TORQUE, positive=True),
         Amplitude('tau_c_minus', 'N m', 'friction when turning back', Scale.TORQUE, positive=True),
     ),
-    generalises=('coulomb_friction',),
+    generalises={'coulomb_friction': (('tau_c_plus', 'tau_c'), ('tau_c_minus', 'tau_c'))},
 )
 
 

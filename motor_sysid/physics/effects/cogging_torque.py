@@ -20,6 +20,7 @@ CARD = Card(
         Shape('n', '1/rev', 'waves per turn', Scale.ONE, (), 2.0, 400.0, free=False),
     ),
     axis='position',
+    rotary=True,
     orders='n',
 )
 

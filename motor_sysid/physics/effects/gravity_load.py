@@ -14,6 +14,7 @@ CARD = Card(
         Amplitude('tau_cos', 'N m', 'torque at zero position', Scale.TORQUE),
     ),
     axis='position',
+    rotary=True,
 )
 
 

@@ -10,8 +10,11 @@ CARD = Card(
     reference='Ljung, System Identification, 2nd ed. 1999, section 4.2',
     enters=Enters.INPUT,
     amplitudes=(
-        Amplitude('delay', 's', 'time from command to effect', Scale.SAMPLE, 200.0, positive=True),
+        Amplitude(
+            'delay', 's', 'time from command to effect', Scale.SAMPLE, 200.0, positive=True,
+            trials=(0.5, 1.0, 2.0, 4.0, 7.0, 12.0, 20.0, 35.0, 60.0),
+        ),
     ),
     axis='time',
     delay='delay',
-)
+)  # fmt: skip

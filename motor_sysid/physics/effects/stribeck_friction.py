@@ -21,7 +21,7 @@ CARD = Card(
             (0.05, 0.15, 0.4), 0.005, 1.5,
         ),
     ),
-    generalises=('coulomb_friction',),
+    generalises={'coulomb_friction': (('tau_c', 'tau_c'),)},
 )  # fmt: skip
 
 

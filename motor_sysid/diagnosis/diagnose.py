@@ -1,0 +1,302 @@
+"""The pipeline: fit, score, refit, gate, add, prune, until nothing helps; then say what it means."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from motor_sysid.diagnosis import words
+from motor_sysid.diagnosis.compare import compare, failure_curves, where_it_fails
+from motor_sysid.diagnosis.evidence import candidate_of
+from motor_sysid.diagnosis.refit import (
+    best_per_effect,
+    climb,
+    MIN_DELTA_BIC,
+    polish,
+    profile_cost,
+    Rung,
+    Trial,
+    try_effect,
+)
+from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
+from motor_sysid.diagnosis.residual import likely_orders
+from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
+from motor_sysid.diagnosis.score import score, variants
+from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import Problem
+from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effects import catalogue, effect
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.signals.record import Record
+
+Progress = Callable[[str], None]
+
+RIVAL_BIC = 10.0
+RIVAL_SHARE = 0.02
+"""A rival is as good if its BIC is within 10, or within 2 % of the winner's gain."""
+
+SPECIAL_SHARE = 0.5
+"""A special case goes first if it explains this share of what its generalisation explains."""
+
+STRUCTURE = 0.25
+"""Share of the remaining error that must be predictable before it is called missing physics."""
+
+ABOVE_FLOOR = 1.3
+"""Remaining error over sensor noise below which nothing more is looked for."""
+
+MIN_SAMPLES = 200
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What the user may choose.
+
+    Attributes
+    ----------
+    max_effects:
+        Most effects to add.
+    refits:
+        Candidates that are refitted in each round, best score first.
+    validation_fraction:
+        Part of each record that is held back where no validation records are given.
+    """
+
+    max_effects: int = 4
+    refits: int = 6
+    validation_fraction: float = 0.2
+
+
+def diagnose(
+    train: Sequence[Record],
+    validation: Sequence[Record] = (),
+    *,
+    motor: str | None = None,
+    model: Model | None = None,
+    nominal: Mapping[str, float] | None = None,
+    effects: Sequence[str] | None = None,
+    settings: Settings | None = None,
+    progress: Progress | None = None,
+) -> Diagnosis:
+    """Find out which physical effect a motor model lacks.
+
+    Parameters
+    ----------
+    train, validation:
+        Records; without validation records the last part of each training record is held back.
+    motor:
+        Motor kind; by default the richest that the signals allow.
+    model:
+        Model to start from; by default the linear model of the motor kind, fitted.
+    nominal:
+        Data-sheet values to start from as well: parameter name to value in SI.
+    effects:
+        Candidates; by default the whole catalogue.
+    settings, progress:
+        Limits; and a function that is told what is going on.
+
+    Raises
+    ------
+    UserError
+        If the records cannot be used at all: no input, no output, or too few samples.
+    """
+    settings = settings or Settings()
+    tell = progress or (lambda text: None)
+    records = [r.uniform() for r in train]
+    held = [r.uniform() for r in validation]
+    _refuse(records, held)
+    kind = choose_kind([*records, *held], model.motor if model else motor)
+    bench = make_bench(records, held, kind, model, settings.validation_fraction)
+    tell(f'fitting a linear {kind.title}')
+    if model is None:
+        model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
+    bench = with_scales(bench, model)
+    candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
+    return _Engine(bench, candidates, settings, tell).run(climb(model, bench))
+
+
+class _Engine:
+    """One diagnosis on its way."""
+
+    def __init__(
+        self, bench: Bench, candidates: Sequence[Effect], settings: Settings, tell: Progress
+    ) -> None:
+        self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
+        self.train_records = [
+            r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
+        ]
+
+    def run(self, rung: Rung) -> Diagnosis:
+        """Climb until nothing helps."""
+        ladder: list[tuple[Rung, list[Trial]]] = []
+        rivals: dict[str, tuple[str, ...]] = {}
+        while True:
+            trials = self.round(rung)
+            ladder.append((rung, trials))
+            passing = [t for t in trials if t.passes]
+            if not passing or len(ladder) > self.settings.max_effects:
+                break
+            winner = _winner(passing)
+            rivals[winner.key] = _rivals(winner, passing)
+            self.tell(
+                f'adding {winner.scored.variant.effect.card.title}: held-out error '
+                f'{rung.validation.error_percent:.3g} -> '
+                f'{winner.rung.validation.error_percent:.3g} %'
+            )
+            rung = self.prune(winner.rung)
+        return self.conclude(ladder, rivals)
+
+    def round(self, rung: Rung) -> list[Trial]:
+        """Score every candidate, refit the best, and return them with their evidence."""
+        problem = Problem(rung.model, self.bench.train, self.bench.outputs)
+        orders = likely_orders(rung.model, self.train_records)
+        tried = list(variants(rung.model, self.bench.scales, self.candidates, orders))
+        if not tried:
+            return []
+        self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
+        scores, weighting = score(problem, problem.vector(), tried)
+        trials = []
+        for one in best_per_effect(scores, self.settings.refits):
+            if one.delta_bic > 0.0 or not trials:
+                self.tell(f'refitting with {one.variant.effect.card.title}')
+                trials.append(try_effect(one, rung, self.bench, weighting))
+        trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
+        return trials
+
+    def prune(self, rung: Rung) -> Rung:
+        """Drop effects that later ones have made superfluous."""
+        for key in rung.model.effects[:-1]:
+            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
+            weighting = rung.result.weighting
+            full, rows = profile_cost(rung.model, self.bench, weighting)
+            less, _ = profile_cost(slim.model, self.bench, weighting)
+            count = len(rung.model.parameters.free) - len(slim.model.parameters.free)
+            if less - full - count * np.log(rows) < MIN_DELTA_BIC:
+                self.tell(f'dropping {key}: no longer needed')
+                rung = slim
+        return rung
+
+    def conclude(
+        self, ladder: list[tuple[Rung, list[Trial]]], rivals: dict[str, tuple[str, ...]]
+    ) -> Diagnosis:
+        """Give the verdict on a finished ladder."""
+        if len(ladder) > 1:
+            ladder[-1] = (polish(ladder[-1][0], self.bench), ladder[-1][1])
+        final = ladder[-1][0]
+        left = self.remainder(final)
+        verdict = _verdict(ladder, left, rivals)
+        named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
+        steps = tuple(self.step(rung, trials, rivals) for rung, trials in ladder)
+        shown = steps if named else steps[:1]
+        return Diagnosis(
+            verdict=verdict,
+            effects=final.model.effects[len(ladder[0][0].model.effects) :] if named else (),
+            steps=shown,
+            noise_floor_percent=left.floor_percent,
+            noise_sigma=left.floor,
+            reasons=words.reasons(verdict, steps, left, rivals),
+            records=self.bench.records,
+            roles=self.bench.roles,
+            experiment=words.experiment(verdict, steps, rivals),
+            warnings=(*final.result.unidentifiable, *final.result.warnings),
+        )
+
+    def remainder(self, rung: Rung) -> Remainder:
+        """Examine what the model leaves."""
+        late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
+        return examine_remainder(
+            self.bench.outputs,
+            compare(rung.model, self.bench.train, self.bench.outputs),
+            rung.validation,
+            rung.held,
+            (self.bench.train, self.bench.held),
+            [late and name == 'speed' for name in self.bench.outputs],
+        )
+
+    def step(
+        self, rung: Rung, trials: Sequence[Trial], rivals: Mapping[str, tuple[str, ...]]
+    ) -> Step:
+        """Turn a rung into a line of the report."""
+        held = [
+            r for r, role in zip(self.bench.records, self.bench.roles, strict=True)
+            if role == 'validate'
+        ]  # fmt: skip
+        curves = failure_curves(rung.model, self.bench.records)
+        found: list[Candidate] = [
+            candidate_of(t, curves, rivals.get(t.key, ()), self.bench.records) for t in trials
+        ]
+        return Step(
+            model=rung.model,
+            train_error_percent=rung.training.error_percent,
+            validation_error_percent=rung.validation.error_percent,
+            channel_errors=rung.validation.channel_percent,
+            predictions=(*rung.training.predictions, *rung.validation.predictions),
+            where=where_it_fails(rung.model, held, rung.validation),
+            curves=curves,
+            candidates=tuple(found),
+        )
+
+
+def _winner(passing: Sequence[Trial]) -> Trial:
+    """Return the best trial, or its special case where that explains most of it."""
+    best = passing[0]
+    special = [
+        t
+        for t in passing
+        if t.key in best.scored.variant.effect.card.generalises
+        and t.delta_bic > SPECIAL_SHARE * best.delta_bic
+    ]
+    if special:
+        return special[0]
+    equal = {best.key, *_rivals(best, passing)}
+    keeps = [t for t in passing if t.key in equal and not t.scored.variant.inherits]
+    return keeps[0] if keeps else best
+
+
+def _rivals(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the effects that explain the data as well as the winner does."""
+    margin = max(RIVAL_BIC, RIVAL_SHARE * winner.delta_bic)
+    key = winner.key
+    return tuple(
+        t.key
+        for t in passing
+        if t.key != key
+        and t.delta_bic > winner.delta_bic - margin
+        and key not in t.scored.variant.effect.card.generalises
+        and t.key not in winner.scored.variant.effect.card.generalises
+    )
+
+
+def _verdict(
+    ladder: Sequence[tuple[Rung, list[Trial]]],
+    left: Remainder,
+    rivals: Mapping[str, tuple[str, ...]],
+) -> Verdict:
+    base, final = ladder[0][0], ladder[-1][0]
+    if base.result.unidentifiable and len(base.result.unidentifiable) >= 3:
+        return Verdict.INSUFFICIENT_DATA
+    structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
+    if len(ladder) == 1:
+        return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
+    before, after = base.held.error_percent, final.held.error_percent
+    floor = left.floor_percent
+    explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
+    if structured and explained < 0.75:
+        return Verdict.UNKNOWN_EFFECT
+    return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
+
+
+def _refuse(train: Sequence[Record], validation: Sequence[Record]) -> None:
+    if not train:
+        raise UserError('no training record; give at least one')
+    for record in (*train, *validation):
+        if len(record) < MIN_SAMPLES:
+            raise UserError(
+                f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
+                f'needs at least {MIN_SAMPLES}, better 5000'
+            )
+
+
+def with_seconds(diagnosis: Diagnosis, seconds: float) -> Diagnosis:
+    """Return the diagnosis with the time that it took."""
+    return replace(diagnosis, seconds=seconds)

@@ -1,0 +1,225 @@
+"""Add an effect, refit, and ask whether the gain is real."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.compare import compare, Comparison
+from motor_sysid.diagnosis.score import Scored
+from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.estimation.batch import fit, FitResult, Problem, Weighting
+from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+MIN_DELTA_BIC = 20.0
+"""Gain in BIC that evidence must have: no false alarm in 40 complete models (DIAGNOSIS study)."""
+
+MIN_GAIN_PERCENT = 1.0
+"""Relative decrease of the held-out error that an effect must bring to matter."""
+
+UNPHYSICAL = 'unphysical sign'
+
+BLOCKS = 20
+MIN_BLOCKS = 0.6
+"""Share of held-out blocks in which the error must fall."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A fitted model with everything that is asked of it.
+
+    Attributes
+    ----------
+    result:
+        The fit.
+    training, validation:
+        Free-running errors.
+    held:
+        Errors on held-out data, looking as far ahead as the fit does.
+    """
+
+    result: FitResult
+    training: Comparison
+    validation: Comparison
+    held: Comparison
+
+    @property
+    def model(self) -> Model:
+        """The fitted model."""
+        return self.result.model
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate after its refit.
+
+    Attributes
+    ----------
+    scored:
+        The score that it was chosen by.
+    rung:
+        The fitted model.
+    delta_bic:
+        Gain in BIC under the noise model that the whole dictionary leaves.
+    gain_percent:
+        Relative decrease of the held-out error.
+    blocks:
+        Share of held-out blocks in which the error fell.
+    note:
+        Why it does not pass, or empty.
+    """
+
+    scored: Scored
+    rung: Rung
+    delta_bic: float
+    gain_percent: float
+    blocks: float
+    note: str
+
+    @property
+    def key(self) -> str:
+        """Key of the effect."""
+        return self.scored.variant.effect.key
+
+    @property
+    def passes(self) -> bool:
+        """Whether every gate was passed."""
+        return not self.note
+
+
+def climb(model: Model, bench: Bench, start: Weighting | None = None) -> Rung:
+    """Fit a model on the training data and take its free-running errors."""
+    result = fit(Problem(model, bench.train, bench.outputs), start)
+    return judge(result, bench)
+
+
+def polish(rung: Rung, bench: Bench) -> Rung:
+    """Fit a model that was fitted over short looks ahead once more over free runs.
+
+    The result counts only if it runs better on held-out data, too.
+    """
+    if bench.horizon is None:
+        return rung
+    better = judge(fit(Problem(rung.model, bench.train_free, bench.outputs)), bench)
+    improved = better.validation.error_percent < rung.validation.error_percent
+    return better if improved else rung
+
+
+def judge(result: FitResult, bench: Bench) -> Rung:
+    """Take the errors of a fitted model."""
+    return Rung(
+        result,
+        compare(result.model, bench.train_free, bench.outputs),
+        compare(result.model, bench.held_free, bench.outputs),
+        compare(result.model, bench.held, bench.outputs),
+    )
+
+
+def profile_cost(model: Model, bench: Bench, weighting: Weighting) -> tuple[float, int]:
+    """Return the whitened sum of squares at the nearest minimum, and the number of rows."""
+    problem = Problem(model, bench.train, bench.outputs)
+    near = problem.linearize(problem.vector())
+    gradient, curvature, cost = normal_equations(near, weighting)
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
+    rows = sum(one.residual.size for one in near)
+    return cost - float(step @ (gradient / scale)), rows
+
+
+def try_effect(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
+    """Refit a scored candidate with every parameter free and pass it through the gates."""
+    variant = scored.variant
+    if _impossible(scored):
+        return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL)
+    model = _opened(variant.model, rung.model, scored)
+    new = climb(model, bench, rung.result.weighting)
+    before, rows = profile_cost(rung.model, bench, weighting)
+    after, _ = profile_cost(new.model, bench, weighting)
+    extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
+    delta = before - after - extra * np.log(rows)
+    gain = 100 * (1 - _combined(new.held, rung.held))
+    blocks = _blocks_improved(rung.held, new.held)
+    note = _gate(scored, new, rung, delta, gain, blocks)
+    return Trial(scored, new, float(delta), gain, blocks, note)
+
+
+def _impossible(scored: Scored) -> bool:
+    """Whether every amplitude would have to have a sign that physics forbids."""
+    one = scored.variant.effect
+    return all(
+        a.positive and not a.trials and scored.amplitudes.get(a.name, 1.0) == 0.0
+        for a in one.card.amplitudes
+    )
+
+
+def _opened(tried: Model, base: Model, scored: Scored) -> Model:
+    """Return the variant with its start values and all that may be fitted free again."""
+    key = scored.variant.effect.key
+    free = [p.name for p in base.parameters.free if p.name in tried.parameters]
+    card = scored.variant.effect.card
+    free += [f'{key}.{a.name}' for a in card.amplitudes]
+    free += [f'{key}.{s.name}' for s in card.shapes if s.free]
+    start = {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
+    return tried.with_free(free).with_values(start)
+
+
+def _combined(now: Comparison, before: Comparison) -> float:
+    """Return the error with each channel in units of its error under the model before."""
+    old, new = before.channel_percent, now.channel_percent
+    parts = [(new[name] / max(old[name], 1e-12)) ** 2 for name in new]
+    return float(np.sqrt(np.mean(parts)))
+
+
+def _blocks_improved(before: Comparison, after: Comparison) -> float:
+    size = np.sqrt(np.mean(np.concatenate(before.residuals) ** 2, axis=0)) + 1e-300
+    better, count = 0, 0
+    total = sum(len(r) for r in before.residuals)
+    for old, new in zip(before.residuals, after.residuals, strict=True):
+        pieces = max(round(BLOCKS * len(old) / total), 1)
+        for a, b in zip(np.array_split(old, pieces), np.array_split(new, pieces), strict=True):
+            better += bool(np.sum((b / size) ** 2) < np.sum((a / size) ** 2))
+            count += 1
+    return better / count
+
+
+def _gate(
+    scored: Scored, new: Rung, old: Rung, delta: float, gain: float, blocks: float
+) -> str:
+    card = scored.variant.effect.card
+    key = scored.variant.effect.key
+    values = {a.name: new.model.parameters[f'{key}.{a.name}'] for a in card.amplitudes}
+    positive = [values[a.name] for a in card.amplitudes if a.positive]
+    if positive and all(p.value <= 1e-9 * p.upper for p in positive):
+        return UNPHYSICAL
+    if not np.isfinite(delta):
+        return 'cannot be simulated'
+    if scored.overlap > 0.9999:
+        return 'these data cannot tell it from what the model has'
+    if delta < MIN_DELTA_BIC:
+        return 'no evidence'
+    if gain < MIN_GAIN_PERCENT:
+        return 'does not lower the held-out error'
+    if blocks < MIN_BLOCKS:
+        return f'helps only in {100 * blocks:.0f} % of the held-out data'
+    return ''
+
+
+def parameters_of(model: Model, key: str) -> Mapping[str, tuple[float, str, float]]:
+    """Return the parameters of one effect: symbol to (value, unit, sigma)."""
+    own = [p for p in model.parameters if p.name.startswith(f'{key}.')]
+    return {
+        p.name.split('.', 1)[1]: (p.value, p.unit, p.sigma if p.sigma is not None else 0.0)
+        for p in own
+    }
+
+
+def best_per_effect(scores: Sequence[Scored], limit: int) -> list[Scored]:
+    """Return the best variant of each effect, at most `limit` of them, best first."""
+    best: dict[str, Scored] = {}
+    for one in scores:
+        best.setdefault(one.variant.effect.key, one)
+    return list(best.values())[:limit]

@@ -1,0 +1,133 @@
+"""What is left when no candidate helps any more: noise, or something that the catalogue lacks?
+
+Sensor noise and random loads cannot be predicted from the input; missing physics can.  So a
+general regression from the simulated motion to the residual is fitted on the training data and
+judged on the held-out data: the share of the remaining error that it predicts there is structure.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.compare import Comparison
+from motor_sysid.estimation.batch import Chain
+from motor_sysid.signals.noise import noise_sigma
+
+Array = NDArray[np.float64]
+
+_LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
+_TAPS, _TAP_WIDTH = 120, 4
+_RIDGE = 1e-6
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What remains of the error.
+
+    Attributes
+    ----------
+    floor:
+        Output to standard deviation of its sensor noise, in the unit of the signal.
+    floor_percent:
+        The error that this noise alone makes, combined over outputs.
+    over_floor:
+        Largest ratio of an output's error to its noise.
+    predictable:
+        Share of the held-out squared error (weighted alike for each output) that the simulated
+        motion predicts; 0 for noise.
+    """
+
+    floor: dict[str, float]
+    floor_percent: float
+    over_floor: float
+    predictable: float
+
+
+def examine_remainder(
+    outputs: Sequence[str],
+    training: Comparison,
+    validation: Comparison,
+    held: Comparison,
+    chains: tuple[Sequence[Chain], Sequence[Chain]],
+    differenced: Sequence[bool],
+) -> Remainder:
+    """Examine the residual of a fitted model.
+
+    Parameters
+    ----------
+    outputs:
+        Names of the outputs.
+    training, held:
+        Comparisons over the chains that the fit and the gates looked at.
+    validation:
+        Free-running comparison on the held-out data.
+    chains:
+        Chains of `training` and of `held`.
+    differenced:
+        For each output, whether its noise is that of differenced counts.
+    """
+    floor = []
+    for j, late in enumerate(differenced):
+        of_signal = [noise_sigma(m[:, j], differenced=late) for m in validation.measured]
+        of_residual = [noise_sigma(r[:, j], differenced=late) for r in validation.residuals]
+        floor.append(min(float(np.median(of_signal)), float(np.median(of_residual))))
+    size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
+    error = np.sqrt(np.mean(np.concatenate(validation.residuals) ** 2, axis=0))
+    noise = np.minimum(np.array(floor), error)
+    return Remainder(
+        dict(zip(outputs, noise.tolist(), strict=True)),
+        float(100 * np.sqrt(np.mean((noise / size) ** 2))),
+        float(np.max(error / np.maximum(noise, 1e-300))),
+        _predictable(training, held, chains),
+    )
+
+
+def _predictable(
+    training: Comparison, held: Comparison, chains: tuple[Sequence[Chain], Sequence[Chain]]
+) -> float:
+    x, y = _regression(training, chains[0])
+    xv, yv = _regression(held, chains[1])
+    if len(x) < 4 * x.shape[1] or len(xv) < 20:
+        return 0.0
+    middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-12
+    x, xv = (x - middle) / spread, (xv - middle) / spread
+    gram = x.T @ x + _RIDGE * len(x) * np.eye(x.shape[1])
+    shares = []
+    for j in range(y.shape[1]):
+        offset = float(y[:, j].mean())
+        weights = np.linalg.solve(gram, x.T @ (y[:, j] - offset))
+        left = yv[:, j] - offset - xv @ weights
+        shares.append(1 - float(np.sum(left**2)) / max(float(np.sum(yv[:, j] ** 2)), 1e-300))
+    return max(0.0, *shares)
+
+
+def _regression(comparison: Comparison, chains: Sequence[Chain]) -> tuple[Array, Array]:
+    """Return features of the simulated motion (K, f) and residuals (K, n_y)."""
+    stretches = [s for chain in chains for s in chain if s.scored]
+    rows, targets = [], []
+    scale = np.sqrt(np.mean(np.concatenate(comparison.measured) ** 2, axis=0)) + 1e-300
+    for stretch, residual, measured in zip(
+        stretches, comparison.residuals, comparison.measured, strict=True
+    ):
+        longest = _TAPS * _TAP_WIDTH
+        if len(residual) <= 2 * longest:
+            continue
+        simulated = (measured - residual) / scale
+        drive = stretch.drive.inputs / (np.sqrt(np.mean(stretch.drive.inputs**2)) + 1e-300)
+        channels = np.concatenate((drive, simulated), axis=1)
+        shaped = np.concatenate(
+            (channels, np.tanh(20 * simulated), simulated * np.abs(simulated)), axis=1
+        )
+        lagged = [shaped[longest - lag : len(shaped) - lag] for lag in _LAGS]
+        area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
+        mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
+        ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
+        lagged += [mean[end - _TAP_WIDTH : end - _TAP_WIDTH + len(shaped) - longest] for end in ends]
+        clock = np.linspace(-1, 1, len(shaped))[longest:, np.newaxis]
+        rows.append(np.concatenate([clock * lagged[0], *lagged], axis=1))
+        targets.append(residual[longest:])
+    if not rows:
+        return np.empty((0, 1)), np.empty((0, comparison.residuals[0].shape[1]))
+    return np.concatenate(rows), np.concatenate(targets)

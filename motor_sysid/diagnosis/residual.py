@@ -1,0 +1,190 @@
+"""The unexplained torque and voltage: what each equation of the model lacks, sample by sample.
+
+From measured states and inputs each equation is solved for the force that would close it.  The
+derivative comes from a local cubic, and every other term is smoothed by the same filter, so that
+neither side is delayed against the other.  Used to show and to look for shapes; verdicts come from
+simulation, which needs no derivative.
+"""
+
+from collections.abc import Mapping, Sequence
+import inspect
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import savgol_filter
+
+from motor_sysid.diagnosis.result import Curve
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.rollout import Drive, input_signals
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+WINDOW = 11
+_DEGREE = 3
+
+
+def measured_states(model: Model, record: Record) -> dict[str, Array]:
+    """Return the measured states of a uniform record, and its inputs as laws see them.
+
+    Sensor offsets are taken out, and a differenced speed is moved back by half a sample.
+    """
+    kind, states = model.kind, {}
+    for output in kind.outputs:
+        if output.signal in record:
+            states[output.state] = record[output.signal] - (
+                model[output.bias] if output.bias else 0.0
+            )
+    speed = measured_speed(record)
+    if 'speed' in record and model.speed_sensor is SpeedSensor.DIFFERENCE:
+        speed = np.append(0.5 * (speed[1:] + speed[:-1]), speed[-1])
+    states['omega'] = speed
+    drive = Drive.of(record, kind)
+    if drive.position.size:
+        states['theta'] = drive.position
+    inputs = [record[name] for name in input_signals(record, kind)]
+    states.update(zip(kind.arguments, inputs, strict=True))
+    states['t'] = record.time
+    return states
+
+
+def unexplained(model: Model, record: Record) -> dict[str, Array]:
+    """Return for each equation with a measured own state the (N,) force that it lacks.
+
+    The effects that the model has are accounted for.
+    """
+    even = record.uniform()
+    if len(even) <= WINDOW:
+        return {}
+    kind = model.kind
+    states = measured_states(model, even)
+    late = sum(
+        model[f'{key}.{effect(key).card.delay}'] for key in model.effects if effect(key).card.delay
+    )
+    if late:
+        for name in kind.arguments:
+            shifted = np.interp(even.time - late, even.time, states[name])
+            states[name] = shifted
+    values = {name: np.array([v]) for name, v in model.parameters.values().items()}
+    a, b, g = (matrix[0] for matrix in kind.matrices(values))
+    known = known_forces(model, states)
+    lacking = {}
+    for column, force in enumerate(kind.forces):
+        row = kind.states.index(force.own_state)
+        if force.own_state not in states:
+            continue
+        rest = sum(
+            a[row, j] * states[name] for j, name in enumerate(kind.states) if a[row, j] != 0
+        )
+        rest = rest + sum(b[row, j] * states[name] for j, name in enumerate(kind.arguments))
+        rest = rest + g[row, column] * known[force.name]
+        slope = savgol_filter(states[force.own_state], WINDOW, _DEGREE, deriv=1, delta=even.dt)
+        lacking[force.name] = (slope - savgol_filter(rest, WINDOW, _DEGREE)) / g[row, column]
+    return lacking
+
+
+def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
+    """Return for each equation the (N,) force of the model's own effects along given states."""
+    size = next(iter(states.values())).size
+    forces = {force.name: np.zeros(size) for force in model.kind.forces}
+    for key in model.effects:
+        one = effect(key)
+        known = {**states, **model.parameters.values()}
+        known.update({p.name: model[f'{key}.{p.name}'] for p in one.card.parameters})
+        if one.card.states:
+            known.update(_memory(key, known, states))
+        for name, law in one.laws.items():
+            if name in forces and set(inspect.signature(law).parameters) <= set(known):
+                arguments = [known[n] for n in inspect.signature(law).parameters]
+                forces[name] = forces[name] + law(*arguments)
+    return forces
+
+
+def _memory(
+    key: str, known: Mapping[str, Array | float], states: Mapping[str, Array]
+) -> dict[str, Array]:
+    """Integrate an effect's own states along measured states, Euler, one step a sample."""
+    one = effect(key)
+    time = states['t']
+    own = {name: 0.0 for name in one.card.states}
+    path = {name: np.zeros(time.size) for name in own}
+    names = {s: tuple(inspect.signature(rate).parameters) for s, rate in one.rates.items()}
+    if any(n not in known and n not in own for wanted in names.values() for n in wanted):
+        return path
+    columns = {
+        n: np.broadcast_to(np.asarray(known[n], dtype=float), time.shape).tolist()
+        for wanted in names.values()
+        for n in wanted
+        if n not in own
+    }
+    for k in range(time.size - 1):
+        rates = {
+            s: rate(*[own[n] if n in own else columns[n][k] for n in names[s]])
+            for s, rate in one.rates.items()
+        }
+        for s, rate_now in rates.items():
+            own[s] += float(rate_now) * float(time[k + 1] - time[k])
+            path[s][k + 1] = own[s]
+    return path
+
+
+def likely_orders(model: Model, records: Sequence[Record], count: int = 5) -> list[int]:
+    """Return the waves per turn that stand out of the unexplained torque, strongest first.
+
+    The spectrum over rotor angle up to 400 waves per turn is divided by its own background (the
+    median over neighbouring orders); order 1 belongs to gravity.
+    """
+    top = 400
+    power = np.zeros(top + 1)
+    for record in records:
+        even = record.uniform()
+        lacking = unexplained(model, even).get('torque')
+        angle = measured_states(model, even).get('theta') if lacking is not None else None
+        if lacking is None or angle is None or np.ptp(angle) < 2 * np.pi:
+            continue
+        usable = _slow_enough(model, even, top)
+        wave = np.exp(1j * angle[usable])
+        centred = lacking[usable] - np.mean(lacking[usable])
+        turning = np.ones_like(wave)
+        for n in range(1, top + 1):
+            turning = turning * wave
+            power[n] += np.abs(np.vdot(turning, centred)) ** 2
+    background = np.array(
+        [np.median(power[max(n - 12, 1) : n + 13]) + 1e-300 for n in range(top + 1)]
+    )
+    height = power / background
+    height[:2] = 0.0
+    peaks = [n for n in np.argsort(-height)[: 3 * count].tolist() if height[n] > 8.0]
+    return peaks[:count]
+
+
+def _slow_enough(model: Model, record: Record, top: int) -> NDArray[np.bool_]:
+    """Samples that move less than a sixth of a turn per sample; all if that leaves too few."""
+    speed = np.abs(measured_speed(record))
+    usable: NDArray[np.bool_] = speed * record.dt < np.pi / 3
+    return usable if np.sum(usable) > 200 else np.ones_like(usable)
+
+
+def curve(
+    axis: str, axis_unit: str, quantity: str, unit: str, x: Array, y: Array, edges: Array
+) -> Curve | None:
+    """Average `y` in bins of `x`; None where fewer than three bins are filled.
+
+    The band is two standard errors, with one independent sample in each filter window.
+    """
+    centres, means, bands = [], [], []
+    place = np.digitize(x, edges) - 1
+    for k in range(edges.size - 1):
+        inside = y[place == k]
+        if inside.size < 8:
+            continue
+        centres.append(float(np.mean(x[place == k])))
+        means.append(float(np.mean(inside)))
+        bands.append(float(2 * np.std(inside) / np.sqrt(max(inside.size / WINDOW, 1))))
+    if len(centres) < 3:
+        return None
+    return Curve(
+        axis, axis_unit, quantity, unit, np.array(centres), np.array(means), np.array(bands)
+    )

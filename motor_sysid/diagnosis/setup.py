@@ -1,0 +1,241 @@
+"""From records to a base model: which motor kind, which outputs, which sensors, how far ahead."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import (
+    Chain,
+    fit,
+    FitResult,
+    make_chain,
+    observed_outputs,
+    Problem,
+)
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor, motors
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.scales import Scales, scales_of
+from motor_sysid.signals.noise import lattice
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+SIGN_WIDTH = 0.005
+"""Width of the smoothed sign of speed and current, as a fraction of their RMS."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Everything that stays the same while models are tried.
+
+    Attributes
+    ----------
+    kind, outputs:
+        Motor kind, and signals that errors are taken of.
+    train:
+        Chains for fitting: short looks ahead where a free run would drift, else free runs.
+    held:
+        The held-out data, cut as `train` is: what decides whether an effect helps.
+    train_free, held_free:
+        The same data run freely, for reporting.
+    records, roles:
+        The stretches that are reported, each ``train`` or ``validate``, in the order of
+        `train_free` then `held_free`.
+    scales:
+        Typical sizes.
+    horizon:
+        How far ahead `train` and `held` look, s; None for free runs.
+    """
+
+    kind: Motor
+    outputs: tuple[str, ...]
+    train: tuple[Chain, ...]
+    held: tuple[Chain, ...]
+    train_free: tuple[Chain, ...]
+    held_free: tuple[Chain, ...]
+    records: tuple[Record, ...]
+    roles: tuple[str, ...]
+    scales: Scales
+    horizon: float | None
+
+
+def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
+    """Return the motor kind: the wanted one, or the richest that the signals allow.
+
+    Raises
+    ------
+    UserError
+        If no kind fits the signals.
+    """
+    order = [wanted] if wanted else list(motors())
+    if wanted == 'brushed_dc' and not all('current' in r for r in records):
+        order = ['brushed_dc', 'brushed_dc_reduced']
+    for key in order:
+        kind = motor(key)
+        drivable = all(
+            any(all(name in r for name in names) for names in kind.inputs) for r in records
+        )
+        electrical = 'i' not in kind.states or all('current' in r for r in records)
+        moving = all('speed' in r or 'position' in r for r in records)
+        if drivable and electrical and moving:
+            return kind
+    have = ', '.join(sorted(set.intersection(*(set(r) for r in records)))) or 'none in common'
+    raise UserError(
+        f'no motor kind fits these signals ({have}): needed are an input (voltage, torque, force '
+        'or current) and an output (speed or position); name them in a msg_config file'
+    )
+
+
+def base_fit(
+    records: Sequence[Record],
+    kind: Motor,
+    chains: Sequence[Chain],
+    outputs: Sequence[str],
+    nominal: Mapping[str, float],
+) -> FitResult:
+    """Fit the linear motor, from several starts and with both kinds of speed sensor."""
+    linear = all(unit_of(r) == 'm' for r in records)
+    widths = _widths(kind, records)
+    begun = _inside(kind, kind.start(records))
+    starts = [begun]
+    if nominal:
+        starts.append(_inside(kind, {**begun, **nominal}))
+    best: FitResult | None = None
+    for sensor in _sensors(records, outputs):
+        for values in starts:
+            model = Model.base(
+                kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear
+            )
+            tried = fit(Problem(model, chains, outputs))
+            if best is None or _likelihood(tried) < _likelihood(best):
+                best = tried
+    assert best is not None
+    return best
+
+
+def make_bench(
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    kind: Motor,
+    model: Model | None = None,
+    fraction: float = 0.2,
+) -> Bench:
+    """Prepare the data for a motor kind.
+
+    Parameters
+    ----------
+    train, validation:
+        Records; without validation records the last `fraction` of each is held back.
+    model:
+        A fitted model if there is one; it tells how far ahead a run may look without drifting.
+    """
+    everything = [*train, *validation]
+    outputs = observed_outputs(kind, everything)
+    values = model.parameters.values() if model else _inside(kind, kind.start(train))
+    defaults = {p.name: p.value for p in kind.parameters}
+    horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
+    keep = 1.0 if validation else 1.0 - fraction
+    role = 'all' if validation else 'train'
+
+    def chains(records: Sequence[Record], ahead: float | None, scored: str) -> tuple[Chain, ...]:
+        return tuple(
+            make_chain(
+                r, kind, outputs, horizon=ahead, train_fraction=keep, scored=scored
+            )
+            for r in records
+        )
+
+    fitting, free = chains(train, horizon, role), chains(train, None, role)
+    other, part = (validation, 'all') if validation else (train, 'validate')
+    held, held_free = chains(other, horizon, part), chains(other, None, part)
+    shown = [s for chain in (*free, *held_free) for s in chain if s.scored]
+    count = sum(s.scored for chain in free for s in chain)
+    scales = scales_of(kind.key, {**defaults, **values}, [r.uniform() for r in train])
+    return Bench(
+        kind, outputs, fitting, held, free, held_free,
+        tuple(s.record.slice(s.scored_from, len(s.record)) for s in shown),
+        ('train',) * count + ('validate',) * (len(shown) - count),
+        scales,
+        horizon,
+    )  # fmt: skip
+
+
+def look_ahead(
+    kind: Motor, values: Mapping[str, float], records: Sequence[Record], outputs: Sequence[str]
+) -> float | None:
+    """Return how far ahead of the measured state a run may look (s), or None for freely.
+
+    A motor with back-EMF forgets its start within milliseconds.  An axis that only integrates does
+    not: a small constant error makes its position run away and hides every other effect, so it is
+    looked at over twice its slowest time constant.
+    """
+    arrays = {name: np.array([v]) for name, v in values.items()}
+    a = kind.matrices(arrays)[0][0]
+    inner = [j for j, name in enumerate(kind.states) if name != 'theta']
+    slowest = float(np.max(np.linalg.eigvals(a[np.ix_(inner, inner)]).real))
+    time_constant = -1.0 / slowest if slowest < 0 else np.inf
+    duration = max(r.duration for r in records)
+    if 'position' not in outputs and time_constant < duration / 50:
+        return None
+    dt = max(r.dt for r in records)
+    return float(np.clip(2 * time_constant, 100 * dt, max(duration / 10, 100 * dt)))
+
+
+def unit_of(record: Record) -> str:
+    """Return ``m`` for a linear axis, ``rad`` for a rotary one."""
+    units = [record.units[n] for n in ('position', 'speed') if n in record]
+    return 'm' if units and all(u.startswith('m') for u in units) else 'rad'
+
+
+def with_scales(bench: Bench, model: Model) -> Bench:
+    """Return the bench with scales measured by a fitted model."""
+    records = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
+    return replace(
+        bench, scales=scales_of(bench.kind.key, model.parameters.values(), records)
+    )
+
+
+def _widths(kind: Motor, records: Sequence[Record]) -> dict[str, float]:
+    names = {p.name for p in kind.parameters}
+    speed = np.concatenate([measured_speed(r) for r in records])
+    widths = {'omega_eps': SIGN_WIDTH * float(np.sqrt(np.mean(speed**2)))}
+    if 'i_eps' in names:
+        current = np.concatenate([r['current'] for r in records])
+        widths['i_eps'] = SIGN_WIDTH * float(np.sqrt(np.mean(current**2)))
+    return {name: max(width, 1e-9) for name, width in widths.items()}
+
+
+def _inside(kind: Motor, values: Mapping[str, float]) -> dict[str, float]:
+    boxes = {p.name: p for p in kind.parameters}
+    return {
+        name: float(np.clip(value, boxes[name].lower, boxes[name].upper))
+        for name, value in values.items()
+        if name in boxes and np.isfinite(value)
+    }
+
+
+def _sensors(records: Sequence[Record], outputs: Sequence[str]) -> tuple[SpeedSensor, ...]:
+    """Return the kinds of speed sensor that are worth trying."""
+    if 'speed' not in outputs:
+        return (SpeedSensor.IDEAL,)
+    for record in records:
+        if 'position' in record and len(record) > 10:
+            backward = np.diff(record['position']) / np.diff(record.time)
+            speed = record['speed'][1:]
+            if np.std(backward - speed) < 0.05 * np.std(np.diff(speed)) + 1e-9 * np.std(speed):
+                return (SpeedSensor.DIFFERENCE,)
+    if all(lattice(record['speed']) is None for record in records):
+        return (SpeedSensor.IDEAL,)
+    return (SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE)
+
+
+def _likelihood(result: FitResult) -> float:
+    """Log of the product of the error variances: comparable between fits of the same data."""
+    values = [max(v, 1e-300) for v in result.noise.values()]
+    total = float(np.sum(np.log(values)))
+    return total if np.isfinite(total) else np.inf
