@@ -1,0 +1,1 @@
+"""What the data doctor looks at: one file for each kind of trouble."""

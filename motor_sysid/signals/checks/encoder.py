@@ -1,0 +1,115 @@
+"""Speed that is the difference of encoder counts, and what the counts say about its unit."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motor_sysid.signals.checks.common import Array, is_angular
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.noise import lattice
+from motor_sysid.signals.record import Record
+from motor_sysid.signals.units import TURN
+
+TURNS_PER_UNIT = {'rad/s': 1 / TURN, 'rpm': 1 / 60, 'deg/s': 1 / 360, 'turns/s': 1.0}
+WHOLE = 0.02
+"""Distance from a whole number of counts per turn that still counts as whole."""
+LARGEST = 50_000
+"""Counts per turn above which a whole number proves nothing."""
+
+
+@dataclass(frozen=True)
+class Encoder:
+    """How a speed was measured.
+
+    Attributes
+    ----------
+    counts_per_turn:
+        Of the encoder, NaN if unknown.
+    differenced:
+        Whether the speed is the difference of the position over the last sample.
+    step:
+        Smallest step of the speed in its unit, NaN if it has none.
+    """
+
+    counts_per_turn: float
+    differenced: bool
+    step: float
+
+
+def encoder_of(record: Record) -> Encoder:
+    """Find out how the speed of a record was measured."""
+    step = np.nan
+    differenced = False
+    if 'speed' in record and (found := lattice(record['speed'])):
+        step = _refined(record['speed'], found.step)
+    if 'speed' in record and 'position' in record:
+        slope = np.diff(record['position']) / np.diff(record.time)
+        left = record['speed'][1:] - slope
+        moved = np.sqrt(np.mean(slope**2))
+        differenced = bool(moved > 0 and np.sqrt(np.mean(left**2)) < 2e-3 * moved)
+    counts = TURN / (step * record.dt) if record.is_uniform else np.nan
+    return Encoder(float(counts), differenced, float(step))
+
+
+def check(records: Sequence[Record]) -> Iterator[Finding]:
+    """Look at how the speed was measured."""
+    record = max(records, key=len)
+    if 'speed' not in record or len(record) < 50:
+        return
+    encoder = encoder_of(record)
+    if encoder.differenced:
+        counts = f', {encoder.counts_per_turn:.6g} counts per turn' if is_angular(record) else ''
+        known = np.isfinite(encoder.counts_per_turn)
+        yield Finding(
+            Severity.INFO, 'speed_is_difference',
+            'speed is the difference of the position over the last sample'
+            f'{counts if known else ""}',
+            'it lags by half a sample and is in steps; the sensor model takes this into account',
+            'nothing to do',
+            {'counts_per_turn': encoder.counts_per_turn, 'lag_s': record.dt / 2},
+        )  # fmt: skip
+    elif 'position' not in record:
+        yield from _unit_by_counts(record, encoder)
+
+
+def _unit_by_counts(record: Record, encoder: Encoder) -> Iterator[Finding]:
+    """Find the unit of a speed from its steps: one count per sample must divide the turn."""
+    if not (np.isfinite(encoder.step) and record.is_uniform and is_angular(record)):
+        return
+    counts = {
+        unit: 1 / (encoder.step * record.dt * turns) for unit, turns in TURNS_PER_UNIT.items()
+    }
+    whole = [unit for unit, count in counts.items() if _is_round(count)]
+    if not whole or _is_whole(counts['rad/s']):
+        return
+    unit = whole[0]
+    yield Finding(
+        Severity.ERROR, 'speed_unit',
+        f'speed seems to be in {unit}, not rad/s: its steps of {encoder.step:.6g} at '
+        f'{1 / record.dt:.6g} Hz are one count of {counts[unit]:.0f} per turn in {unit}, but of '
+        f'{counts["rad/s"]:.2f} in rad/s',
+        'back-EMF constant, inertia and friction would come out wrong by that factor',
+        f'write the header as `speed [{unit}]`, or `unit: {unit}` in a msg_config file',
+        {'counts_per_turn': counts[unit], 'step': encoder.step},
+    )  # fmt: skip
+
+
+def _is_whole(count: float) -> bool:
+    return 8 <= count <= LARGEST and abs(count - round(count)) < WHOLE
+
+
+def _is_round(count: float) -> bool:
+    """Tell whether encoders are made with that number: lines times four, or a power of two."""
+    whole = round(count)
+    return _is_whole(count) and whole % 4 == 0 and (whole % 20 == 0 or whole % 64 == 0)
+
+
+def _refined(values: Array, step: float) -> float:
+    """Sharpen a step with the largest multiples of it."""
+    for reach in (10, 100, 1000):
+        multiples = np.round(values / step)
+        near = (np.abs(multiples) > 0) & (np.abs(multiples) <= reach)
+        if np.any(near):
+            step = float(np.sum(np.abs(values[near])) / np.sum(np.abs(multiples[near])))
+    return step

@@ -1,0 +1,168 @@
+"""Whether the record shows the motor enough of itself."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from motor_sysid.signals.checks.common import (
+    Array,
+    INPUTS,
+    is_angular,
+    main_current,
+    main_input,
+    OUTPUTS,
+    smoothed,
+    speed_of,
+)
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.record import Record
+from motor_sysid.signals.units import TURN
+
+AT_REST, SLOWLY = 0.02, 0.1
+"""Shares of the top speed below which the motor counts as resting, and as turning slowly."""
+LEVELS = 10
+"""Bins of the speed from rest to top; a bin counts as covered by 1 % of the samples."""
+ONE_WAY = 0.01
+"""Least share of the motion that must go the other way."""
+
+
+def check(records: Sequence[Record]) -> Iterator[Finding]:
+    """Look at which speeds, directions and inputs occur, over all records together."""
+    yield from _present(records)
+    yield from _constant_input(records)
+    pairs = [(record, speed) for record in records if (speed := speed_of(record)) is not None]
+    if pairs:
+        yield from _motion([record for record, _ in pairs], [speed for _, speed in pairs])
+
+
+def _present(records: Sequence[Record]) -> Iterator[Finding]:
+    """At least one input and one output."""
+    names = {name for record in records for name in record}
+    driver = main_input(records[0])
+    if not driver:
+        yield Finding(
+            Severity.ERROR, 'no_input',
+            f'no input among the signals ({", ".join(sorted(names))})',
+            'nothing says what drove the motor, so nothing can be simulated',
+            f'record one of {", ".join(INPUTS)}; a duty cycle times a supply voltage also serves; '
+            'other topics and columns are named in a msg_config file',
+        )  # fmt: skip
+    outputs = [name for name in OUTPUTS if name in names and name != driver]
+    if not outputs:
+        yield Finding(
+            Severity.ERROR, 'no_output',
+            f'no measured output among the signals ({", ".join(sorted(names))})',
+            'there is nothing to compare a model with',
+            'record speed, position or current',
+        )  # fmt: skip
+
+
+def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:
+    names = [name for name in INPUTS if any(name in record for record in records)]
+    names = names or [main_input(records[0])]
+    if not names[0]:
+        return
+    if any(np.ptp(record[name]) > 0 for record in records for name in names if name in record):
+        return
+    name = names[0]
+    speeds = [speed for record in records if (speed := speed_of(record)) is not None]
+    moving = any(np.std(s) > 0.05 * np.max(np.abs(s), initial=0.0) > 0 for s in speeds)
+    value = f'{records[0][name][0]:.6g} {records[0].units[name]}'
+    yield Finding(
+        Severity.WARNING if moving else Severity.ERROR, 'constant_input',
+        f'{name} is {value} all the time',
+        'only one state is seen: resistance, back-EMF and friction cannot be told apart',
+        'vary the input: steps of random height, both directions, some seconds',
+        {'value': float(records[0][name][0])},
+    )  # fmt: skip
+
+
+def _motion(records: Sequence[Record], speeds: Sequence[Array]) -> Iterator[Finding]:
+    """Speeds, reversals, accelerations and travel."""
+    unit = 'rad/s' if is_angular(records[0]) else 'm/s'
+    slow = [smoothed(s, max(1, min(9, s.size // 50))) for s in speeds]
+    every = np.concatenate(slow)
+    top = float(np.quantile(np.abs(every), 0.995))
+    if top == 0:
+        yield from _no_motion(records)
+        return
+    size = np.abs(every)
+    resting = float(np.mean(size < AT_REST * top))
+    slowly = float(np.mean((size >= AT_REST * top) & (size < SLOWLY * top)))
+    moving = every[size >= AT_REST * top]
+    backward = float(np.mean(moving < 0)) if moving.size else 0.0
+    counts, _ = np.histogram(size / top, LEVELS, (0, 1.0001))
+    levels = int(np.sum(counts > 0.01 * size.size))
+    pairs = list(zip(records, slow, strict=True))
+    accelerations = np.concatenate([np.gradient(s, r.time) for r, s in pairs])
+    acceleration = float(np.quantile(np.abs(accelerations), 0.95))
+    reversals = sum(_reversals(s, SLOWLY * top) for s in slow)
+    travel = float(sum(np.sum(np.abs(s)) * r.dt for r, s in pairs))
+    span = max(_span(r, s) for r, s in pairs)
+    numbers = {
+        'top_speed': top, 'reversals': reversals, 'share_at_rest': resting,
+        'share_slow': slowly, 'share_backward': backward, 'speed_levels': levels,
+        'acceleration_p95': acceleration, 'travel': travel, 'span': span,
+    }  # fmt: skip
+    turns = f', {travel / TURN:.3g} turns' if is_angular(records[0]) else f', {travel:.3g} m'
+    yield Finding(
+        Severity.INFO, 'excitation',
+        f'speeds to {top:.4g} {unit}, {levels} of {LEVELS} levels covered, {reversals} reversals, '
+        f'{resting:.0%} at rest, {slowly:.0%} slow, {backward:.0%} of the motion backward, '
+        f'accelerations to {acceleration:.3g} {unit}^2{turns}',
+        numbers=numbers,
+    )  # fmt: skip
+    yield from _lacking(numbers, is_angular(records[0]))
+
+
+def _lacking(numbers: dict[str, float], angular: bool) -> Iterator[Finding]:
+    """Say which effects this record cannot show."""
+    if not ONE_WAY <= numbers['share_backward'] <= 1 - ONE_WAY:
+        yield Finding(
+            Severity.WARNING, 'one_direction', 'the motor turns in one direction only',
+            'Coulomb friction, a constant load and an offset of the current sensor look the same',
+            'record both directions', {'share_backward': numbers['share_backward']},
+        )  # fmt: skip
+    if numbers['speed_levels'] <= 2:
+        yield Finding(
+            Severity.WARNING, 'few_speeds',
+            f'only {numbers["speed_levels"]:.0f} of {LEVELS} speed levels occur',
+            'friction laws (Coulomb, viscous, quadratic) cannot be told apart',
+            'record several speeds, or slow ramps', {'levels': numbers['speed_levels']},
+        )  # fmt: skip
+    if numbers['share_at_rest'] > 0.9:
+        yield Finding(
+            Severity.WARNING, 'mostly_at_rest',
+            f'the motor rests for {numbers["share_at_rest"]:.0%} of the time',
+            'few samples say anything about inertia and friction',
+            'cut the pauses, or record more motion', {'share': numbers['share_at_rest']},
+        )  # fmt: skip
+    if angular and numbers['span'] < TURN:
+        yield Finding(
+            Severity.INFO, 'short_travel',
+            f'the motor covers {numbers["span"] / TURN:.2g} turns',
+            'cogging and ripple with few periods per turn cannot be recognised',
+            'let it turn at least once if it can', {'turns': numbers['span'] / TURN},
+        )  # fmt: skip
+
+
+def _no_motion(records: Sequence[Record]) -> Iterator[Finding]:
+    current = main_current(records[0])
+    electrical = current and main_input(records[0]) not in {'', current}
+    yield Finding(
+        Severity.WARNING if electrical else Severity.ERROR, 'no_motion', 'the motor never moves',
+        'only resistance and inductance can be seen' if electrical else 'nothing can be learnt',
+        'raise the input until it turns, and release the brake',
+    )  # fmt: skip
+
+
+def _reversals(speed: Array, threshold: float) -> int:
+    """Count changes of direction between speeds beyond `threshold`."""
+    signs = np.sign(speed[np.abs(speed) > threshold])
+    return int(np.sum(signs[1:] != signs[:-1]))
+
+
+def _span(record: Record, speed: Array) -> float:
+    """Range of the position, measured or integrated."""
+    position = record['position'] if 'position' in record else np.cumsum(speed) * record.dt
+    return float(np.ptp(position))

@@ -1,0 +1,238 @@
+"""Units, signs and gears: whether the signals of one motor fit together."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from motor_sysid.signals.checks.common import (
+    Array,
+    is_angular,
+    main_current,
+    main_input,
+    smoothed,
+    speed_of,
+)
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.record import Record
+from motor_sysid.signals.units import TURN
+
+DEG = 360 / TURN
+RPM = TURN / 60
+RATIOS = {
+    RPM: ('speed', 'rpm'), 1 / DEG: ('speed', 'deg/s'), TURN: ('speed', 'turns/s'),
+    DEG: ('position', 'deg'), 1 / TURN: ('position', 'turns'),
+    6.0: ('position and speed', 'deg and rpm'), 1 / 60: ('position and speed', 'turns and rpm'),
+    1000.0: ('position', 'mm'), 1e-3: ('speed', 'mm/s'),
+}  # fmt: skip
+"""Slope of the position over the speed, if one of them is in another unit."""
+CLOSE = 0.022
+"""Relative distance at which a ratio is taken as one of these."""
+SAME = 0.1
+"""Relative distance from 1 that a position and its speed may have."""
+SPREAD = 0.15
+"""Spread of the ratio over the record at which it still counts as one number."""
+FASTEST = 2500.0
+"""rad/s; few motors turn faster (23 900 rpm)."""
+WEAKEST = 1e-4
+"""V s/rad; hardly any motor has a smaller back-EMF constant."""
+OPPOSED = -0.3
+"""Correlation from which two signals that should agree in sign do not."""
+
+
+@dataclass(frozen=True)
+class Slope:
+    """Change of position over integral of speed: its median, and its spread relative to it."""
+
+    ratio: float
+    spread: float
+
+
+def slope_of(record: Record) -> Slope | None:
+    """Compare position and speed of a record; None if it does not move enough to tell."""
+    count = len(record)
+    if count < 40:
+        return None
+    steps = np.diff(record.time)
+    middle = (record['speed'][1:] + record['speed'][:-1]) / 2
+    path = np.concatenate(([0.0], np.cumsum(middle * steps)))
+    width = max(4, count // 500)
+    move = record['position'][width::width] - record['position'][:-width:width]
+    by_speed = path[width::width] - path[:-width:width]
+    moving = np.abs(by_speed) > 0.2 * np.max(np.abs(by_speed), initial=0.0)
+    if np.sum(moving) < 5:
+        return None
+    ratios = move[moving] / by_speed[moving]
+    low, ratio, high = np.quantile(ratios, [0.25, 0.5, 0.75])
+    return Slope(float(ratio), float((high - low) / (abs(ratio) + 1e-300)))
+
+
+def check(records: Sequence[Record], k_e: float | None = None) -> Iterator[Finding]:
+    """Look at how the signals fit together.
+
+    Parameters
+    ----------
+    records:
+        Records of one motor.
+    k_e:
+        Back-EMF constant from the data sheet in V s/rad, if known.
+    """
+    record = max(records, key=len)
+    trusted = True
+    if 'speed' in record and 'position' in record:
+        found = list(_position_against_speed(record))
+        trusted = not found
+        yield from found
+    yield from _signs(record)
+    if trusted:
+        yield from _magnitude(record, k_e)
+
+
+def _position_against_speed(record: Record) -> Iterator[Finding]:
+    slope = slope_of(record)
+    if slope is None or not np.isfinite(slope.ratio):
+        return
+    numbers = {'ratio': slope.ratio, 'spread': slope.spread}
+    size = abs(slope.ratio)
+    if slope.spread > SPREAD:
+        if abs(size - 1) > 0.5:
+            yield Finding(
+                Severity.WARNING, 'position_speed_disagree',
+                f'position and speed do not belong together: the slope of the position is '
+                f'{slope.ratio:.3g} times the speed, varying by {slope.spread:.0%}',
+                'one of them is wrong, filtered, or of another joint',
+                'check topic, joint and field; leave the wrong one out', numbers,
+            )  # fmt: skip
+        return
+    if slope.ratio < 0:
+        yield Finding(
+            Severity.ERROR, 'position_sign',
+            f'position falls while speed is positive (slope {slope.ratio:.3g} times the speed)',
+            'every effect that depends on position or direction would be wrong',
+            'write `sign: -1` for one of them in a msg_config file', numbers,
+        )  # fmt: skip
+    if abs(size - 1) <= SAME:
+        return
+    match = next((known for known in RATIOS if abs(size / known - 1) < CLOSE), None)
+    if match is None:
+        yield _gear(size, numbers)
+        return
+    signal, unit = RATIOS[match]
+    yield Finding(
+        Severity.ERROR, 'position_unit' if signal == 'position' else 'speed_unit',
+        f'{signal} seems to be in {unit}: the slope of the position is {slope.ratio:.4g} times '
+        f'the speed, which is what {unit} taken as SI gives',
+        'inertia, friction and back-EMF constant would come out wrong by that factor',
+        f'write the header with the unit that it is in, e.g. `{signal.split()[0]} '
+        f'[{unit.split()[0]}]`, or `unit:` in a msg_config file', numbers,
+    )  # fmt: skip
+
+
+def _gear(size: float, numbers: dict[str, float]) -> Finding:
+    side = 'position is before the gear and speed behind it' if size > 1 else (
+        'speed is before the gear and position behind it'
+    )
+    return Finding(
+        Severity.ERROR, 'gear_ratio',
+        f'the slope of the position is {size:.4g} times the speed, all the time: perhaps {side} '
+        f'(1:{max(size, 1 / size):.4g}), or one of them is in an unknown unit',
+        'inertia and friction would mix two shafts',
+        f'write `gear_ratio: {max(size, 1 / size):.4g}` for the faster one in a msg_config file',
+        numbers,
+    )  # fmt: skip
+
+
+def _signs(record: Record) -> Iterator[Finding]:
+    """Compare signs of input, current and speed through the power that they carry."""
+    driver, current, speed = main_input(record), main_current(record), speed_of(record)
+    if not driver or driver.startswith('voltage_a'):
+        return
+    pairs: list[tuple[str, str, Array]] = []
+    if current and current != driver:
+        pairs.append((driver, current, record[current]))
+    if speed is not None and driver != current:
+        pairs.append((driver, 'speed' if 'speed' in record else 'position', speed))
+    for first, second, values in pairs:
+        agreement = _agreement(record[first], values)
+        if agreement > OPPOSED:
+            continue
+        yield Finding(
+            Severity.ERROR if agreement < 2 * OPPOSED else Severity.WARNING, f'{second}_sign',
+            f'{second} runs against {first} (correlation {agreement:.2f})',
+            'resistance or back-EMF constant would come out negative',
+            'swap the sign of one of them (`sign: -1` in a msg_config file), unless the motor '
+            'was driven by its load', {'correlation': agreement},
+        )  # fmt: skip
+
+
+def _agreement(first: Array, second: Array) -> float:
+    """Mean product over the product of the RMS values, of slow parts, between -1 and 1."""
+    width = max(1, first.size // 200)
+    a, b = smoothed(first, width), smoothed(second, width)
+    scale = float(np.sqrt(np.mean(a**2) * np.mean(b**2)))
+    return float(np.mean(a * b)) / scale if scale > 0 else 0.0
+
+
+def _magnitude(record: Record, k_e: float | None) -> Iterator[Finding]:
+    """Compare speed with voltage where there is no position to tell."""
+    if 'speed' not in record or not is_angular(record):
+        return
+    top = float(np.quantile(np.abs(record['speed']), 0.99))
+    apparent = back_emf_constant(record)
+    if apparent is not None and k_e:
+        yield from _against_datasheet(apparent, k_e)
+        return
+    too_weak = apparent is not None and apparent < WEAKEST
+    if top < FASTEST and not too_weak:
+        return
+    seen = f', with a back-EMF constant of {apparent:.2g} V s/rad' if apparent is not None else ''
+    yield Finding(
+        Severity.WARNING, 'speed_unit',
+        f'speed reaches {top:.4g} rad/s ({top / RPM:.0f} rpm){seen}, which hardly any motor does; '
+        f'it may be in rpm or deg/s',
+        'back-EMF constant, inertia and friction would come out wrong by that factor',
+        'check the unit of the sensor; write it in the header or in a msg_config file',
+        {'top_rad_s': top, **({'k_e': apparent} if apparent is not None else {})},
+    )  # fmt: skip
+
+
+def _against_datasheet(apparent: float, k_e: float) -> Iterator[Finding]:
+    ratio = k_e / apparent
+    for factor, unit in ((1 / RPM, 'rpm'), (DEG, 'deg/s'), (1 / TURN, 'turns/s')):
+        if abs(ratio / factor - 1) < 0.35:
+            yield Finding(
+                Severity.ERROR, 'speed_unit',
+                f'speed seems to be in {unit}: voltage over speed gives a back-EMF constant of '
+                f'{apparent:.3g} V s/rad, the data sheet says {k_e:.3g}',
+                'inertia and friction would come out wrong by that factor',
+                f'write the header as `speed [{unit}]`, or `unit: {unit}` in a msg_config file',
+                {'ratio': ratio},
+            )  # fmt: skip
+            return
+    if not 0.5 < ratio < 2:
+        yield Finding(
+            Severity.WARNING, 'back_emf_constant',
+            f'voltage over speed gives a back-EMF constant of {apparent:.3g} V s/rad, the data '
+            f'sheet says {k_e:.3g}',
+            'unit, gear or data sheet are wrong', 'check which shaft the speed belongs to',
+            {'ratio': ratio},
+        )  # fmt: skip
+
+
+def back_emf_constant(record: Record) -> float | None:
+    """Return k_e (V s/rad) from the slow part of ``u = R i + k_e omega + c``, None if unclear."""
+    driver, current = main_input(record), main_current(record)
+    if driver not in {'voltage', 'voltage_q'} or 'speed' not in record:
+        return None
+    width = max(1, round(0.02 / record.dt))
+    columns = [smoothed(record['speed'], width), np.ones(len(record))]
+    if current:
+        columns.append(smoothed(record[current], width))
+    matrix = np.column_stack(columns)
+    scale = np.sqrt(np.mean(matrix**2, axis=0))
+    if np.any(scale == 0) or np.std(record['speed']) == 0:
+        return None
+    voltage = smoothed(record[driver], width)
+    solution, *_ = np.linalg.lstsq(matrix / scale, voltage, rcond=1e-8)
+    explained = 1 - np.var(voltage - matrix / scale @ solution) / (np.var(voltage) + 1e-300)
+    return float(solution[0] / scale[0]) if explained > 0.7 else None

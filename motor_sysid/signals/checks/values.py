@@ -1,0 +1,152 @@
+"""Values that cannot be right: not finite, stuck, saturated, or in coarse steps."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from motor_sysid.signals.channels import Role, role_of
+from motor_sysid.signals.checks.common import Array, main_input, runs
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.noise import lattice
+from motor_sysid.signals.record import Record
+
+SLOW = frozenset({'temperature', 'supply_voltage', 'hall_sector'})
+"""Signals that may be constant or in coarse steps without harm."""
+COARSE = 0.1
+"""A step of more than this many RMS is coarse."""
+AT_LIMIT = 0.005
+"""Share of samples at the largest value from which a signal counts as saturated."""
+
+
+def check(records: Sequence[Record]) -> Iterator[Finding]:
+    """Look at the values of each signal."""
+    for name in records[0]:
+        having = [record for record in records if name in record]
+        values = np.concatenate([record[name] for record in having])
+        if not np.all(np.isfinite(values)):
+            yield _not_finite(name, values)
+        elif role_of(name) is Role.MEASURED and name not in SLOW:
+            longest = max(having, key=len)
+            yield from _stuck(name, values, records)
+            yield from _frozen(name, longest)
+            if name.startswith('current'):
+                yield from _saturated(name, longest)
+            yield from _coarse(name, values, longest)
+        elif name == main_input(records[0]):
+            yield from _clipped_input(name, values, longest=max(having, key=len))
+
+
+def _not_finite(name: str, values: Array) -> Finding:
+    count = int(np.sum(~np.isfinite(values)))
+    return Finding(
+        Severity.ERROR, 'non_finite', f'{name} has {count} values that are not finite',
+        'nothing can be simulated or fitted', 'drop or mend these samples',
+        {'count': count},
+    )  # fmt: skip
+
+
+def _stuck(name: str, values: Array, records: Sequence[Record]) -> Iterator[Finding]:
+    """One value all the time, though something else shows that it should move."""
+    if np.ptp(values) > 0:
+        return
+    partner = {'speed': 'position', 'position': 'speed'}.get(name, main_input(records[0]))
+    moving = partner and any(np.ptp(r[partner]) > 0 for r in records if partner in r)
+    if not moving or (name == 'speed' and 'position' not in records[0]):
+        return
+    yield Finding(
+        Severity.ERROR, 'stuck_channel',
+        f'{name} is {values[0]:.6g} {records[0].units[name]} all the time while {partner} changes',
+        'the model would be fitted to a dead sensor',
+        'check wiring, topic and field; leave the signal out if it is not measured',
+        {'value': float(values[0])},
+    )  # fmt: skip
+
+
+def _frozen(name: str, record: Record) -> Iterator[Finding]:
+    """Find a long stretch of one value in a signal that otherwise always changes."""
+    values = record[name]
+    starts, lengths = runs(values)
+    repeats = 1 - (lengths.size - 1) / max(values.size - 1, 1)
+    if repeats > 0.5 or values.size < 200:
+        return
+    expected = np.log(values.size) / -np.log(max(repeats, 1e-3))
+    k = int(np.argmax(lengths))
+    start, length = int(starts[k]), int(lengths[k])
+    driver = main_input(record)
+    inside = record[driver][start : start + length] if driver else values[:1]
+    if length < max(50, 20 * expected) or np.ptp(inside) == 0 or _resting(name, record, start):
+        return
+    yield Finding(
+        Severity.WARNING, 'frozen_stretch',
+        f'{name} does not change at all for {length * record.dt:.3g} s from '
+        f'{record.time[start]:.4g} s, {length} samples in a row',
+        'the sensor or driver was silent; the model is fitted to old values there',
+        'leave that stretch out, and look for a stalled driver',
+        {'start_s': float(record.time[start]), 'duration_s': length * record.dt},
+    )  # fmt: skip
+
+
+def _resting(name: str, record: Record, start: int) -> bool:
+    """Tell whether it is natural that a signal does not change: a motor at rest."""
+    value = abs(record[name][start])
+    if name == 'position':
+        return 'speed' not in record or record['speed'][start + 1] == 0
+    found = lattice(record[name])
+    return bool(value == 0 or (found is not None and value < 3 * found.step))
+
+
+def _saturated(name: str, record: Record) -> Iterator[Finding]:
+    """Flat tops: one end of the range holds for several samples in a row, again and again."""
+    values = record[name]
+    for end, limit in (('largest', np.max(values)), ('smallest', np.min(values))):
+        starts, lengths = runs(values)
+        at_limit = (values[starts] == limit) & (lengths >= 3)
+        share = float(np.sum(lengths[at_limit])) / len(record)
+        elsewhere = np.median(lengths[values[starts] != 0]) if lengths.size > 1 else np.inf
+        if limit == 0 or share < AT_LIMIT or np.sum(at_limit) < 2 or elsewhere > 2:
+            continue
+        yield Finding(
+            Severity.WARNING, 'saturation',
+            f'{name} stays at its {end} value {limit:.5g} {record.units[name]} for {share:.1%} of '
+            'the time',
+            'what lies beyond is cut off, and gains come out too small',
+            'use a larger range of the sensor, or smaller inputs',
+            {'limit': float(limit), 'share': share},
+        )  # fmt: skip
+
+
+def _clipped_input(name: str, values: Array, longest: Record) -> Iterator[Finding]:
+    """Note a closed loop that often asks for more than the supply gives."""
+    levels, counts = np.unique(longest[name], return_counts=True)
+    if levels.size < 50:
+        return
+    ends = counts[[0, -1]]
+    share = float(np.sum(ends[ends > 20 * np.median(counts)])) / len(longest)
+    if share < 0.02:
+        return
+    yield Finding(
+        Severity.INFO, 'input_at_limit',
+        f'{name} is at a limit ({np.min(values):.4g} or {np.max(values):.4g} '
+        f'{longest.units[name]}) for {share:.0%} of the time',
+        'none if this is what the motor gets; a command would have been clipped on the way',
+        'record what is applied, not what is asked for', {'share': share},
+    )  # fmt: skip
+
+
+def _coarse(name: str, values: Array, record: Record) -> Iterator[Finding]:
+    """Report the step of a quantized signal."""
+    found = lattice(values)
+    rms = float(np.sqrt(np.mean((values - np.mean(values)) ** 2)))
+    if found is None or rms == 0 or name == 'position':
+        return
+    ratio = found.step / rms
+    coarse = ratio > COARSE and not (name == 'speed' and 'position' in record)
+    unit = record.units[name]
+    yield Finding(
+        Severity.WARNING if coarse else Severity.INFO, 'quantization',
+        f'{name} comes in steps of {found.step:.4g} {unit} ({ratio:.1%} of its RMS)',
+        'small effects (friction, cogging) drown in the steps' if coarse else 'little',
+        'record the position too, take a finer sensor, or larger motion' if coarse
+        else 'nothing to do',
+        {'step': found.step, 'relative': ratio},
+    )  # fmt: skip

@@ -1,0 +1,63 @@
+"""The data doctor: what is wrong, doubtful or missing in records, and what to do about it."""
+
+from collections.abc import Iterable, Sequence
+
+from motor_sysid.errors import UserError
+from motor_sysid.signals.checks import (
+    dynamics,
+    encoder,
+    excitation,
+    plausibility,
+    timing,
+    values,
+)
+from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.record import Record
+
+
+def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tuple[Finding, ...]:
+    """Look records of one motor over.
+
+    Parameters
+    ----------
+    records:
+        One record or several.
+    k_e:
+        Back-EMF constant from the data sheet in V s/rad, if known: tells a speed in rpm where
+        neither position nor encoder steps can.
+
+    Returns
+    -------
+    tuple[Finding, ...]
+        Errors first, then warnings, then what is good to know.
+    """
+    every = [records] if isinstance(records, Record) else list(records)
+    if not every:
+        raise UserError('there is no record to examine')
+    findings = [*values.check(every)]
+    if not any(finding.code == 'non_finite' for finding in findings):
+        for check in (encoder.check, excitation.check, dynamics.check):
+            findings += check(every)
+        findings += plausibility.check(every, k_e)
+    findings += timing.check(every)
+    return by_severity(findings)
+
+
+def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:
+    """Sort findings, errors first; of two with one code and message, one stays."""
+    order = [Severity.ERROR, Severity.WARNING, Severity.INFO]
+    unique = {(finding.code, finding.message): finding for finding in findings}
+    return tuple(sorted(unique.values(), key=lambda finding: order.index(finding.severity)))
+
+
+def require_usable(findings: Iterable[Finding]) -> None:
+    """Refuse data with an error.
+
+    Raises
+    ------
+    UserError
+        With message and remedy of each error.
+    """
+    errors = [finding for finding in findings if finding.severity is Severity.ERROR]
+    if errors:
+        raise UserError('; '.join(f'{error.message}: {error.remedy}' for error in errors))
