@@ -143,26 +143,34 @@ def _gear(size: float, numbers: dict[str, float]) -> Finding:
 
 
 def _signs(record: Record) -> Iterator[Finding]:
-    """Compare signs of input, current and speed through the power that they carry."""
+    """Compare the signs of input, current and speed."""
     driver, current, speed = main_input(record), main_current(record), speed_of(record)
-    if not driver or driver.startswith('voltage_a'):
+    if not driver or driver == 'voltage_a':
         return
-    pairs: list[tuple[str, str, Array]] = []
+    balance = voltage_balance(record)
     if current and current != driver:
-        pairs.append((driver, current, record[current]))
+        if balance is not None and balance.by_current > 0.3:
+            if balance.resistance < 0:
+                yield _opposed(current, driver, Severity.ERROR, {'ohm': balance.resistance})
+        elif (agreement := _agreement(record[driver], record[current])) < OPPOSED:
+            yield _opposed(current, driver, Severity.WARNING, {'correlation': agreement})
     if speed is not None and driver != current:
-        pairs.append((driver, 'speed' if 'speed' in record else 'position', speed))
-    for first, second, values in pairs:
-        agreement = _agreement(record[first], values)
-        if agreement > OPPOSED:
-            continue
-        yield Finding(
-            Severity.ERROR if agreement < 2 * OPPOSED else Severity.WARNING, f'{second}_sign',
-            f'{second} runs against {first} (correlation {agreement:.2f})',
-            'resistance or back-EMF constant would come out negative',
-            'swap the sign of one of them (`sign: -1` in a msg_config file), unless the motor '
-            'was driven by its load', {'correlation': agreement},
-        )  # fmt: skip
+        agreement = _agreement(record[driver], speed)
+        if agreement < OPPOSED:
+            severity = Severity.ERROR if agreement < 2 * OPPOSED else Severity.WARNING
+            name = 'speed' if 'speed' in record else 'position'
+            yield _opposed(name, driver, severity, {'correlation': agreement})
+
+
+def _opposed(name: str, driver: str, severity: Severity, numbers: dict[str, float]) -> Finding:
+    (what, value), *_ = numbers.items()
+    label = 'apparent resistance' if what == 'ohm' else 'correlation'
+    return Finding(
+        severity, f'{name}_sign', f'{name} runs against {driver} ({label} {value:.2g})',
+        'resistance or back-EMF constant would come out negative',
+        'swap the sign of one of them (`sign: -1` in a msg_config file), unless the motor was '
+        'driven by its load', numbers,
+    )  # fmt: skip
 
 
 def _agreement(first: Array, second: Array) -> float:
@@ -178,7 +186,9 @@ def _magnitude(record: Record, k_e: float | None) -> Iterator[Finding]:
     if 'speed' not in record or not is_angular(record):
         return
     top = float(np.quantile(np.abs(record['speed']), 0.99))
-    apparent = back_emf_constant(record)
+    balance = voltage_balance(record)
+    clear = balance is not None and balance.explained > 0.7 and balance.back_emf > 0
+    apparent = balance.back_emf if balance is not None and clear else None
     if apparent is not None and k_e:
         yield from _against_datasheet(apparent, k_e)
         return
@@ -219,20 +229,56 @@ def _against_datasheet(apparent: float, k_e: float) -> Iterator[Finding]:
         )  # fmt: skip
 
 
-def back_emf_constant(record: Record) -> float | None:
-    """Return k_e (V s/rad) from the slow part of ``u = R i + k_e omega + c``, None if unclear."""
+@dataclass(frozen=True)
+class VoltageBalance:
+    """Slow part of ``u = R i + k_e omega + c`` by least squares.
+
+    Attributes
+    ----------
+    resistance:
+        R in ohm, NaN without a current.
+    back_emf:
+        k_e in V s/rad.
+    explained:
+        Share of the variance of the voltage that the balance explains.
+    by_current:
+        Share of what the speed leaves that the current explains.
+    """
+
+    resistance: float
+    back_emf: float
+    explained: float
+    by_current: float
+
+
+def voltage_balance(record: Record) -> VoltageBalance | None:
+    """Fit the voltage balance, averaged over 20 ms; None where a signal is missing or constant."""
     driver, current = main_input(record), main_current(record)
     if driver not in {'voltage', 'voltage_q'} or 'speed' not in record:
         return None
     width = max(1, round(0.02 / record.dt))
-    columns = [smoothed(record['speed'], width), np.ones(len(record))]
-    if current:
-        columns.append(smoothed(record[current], width))
-    matrix = np.column_stack(columns)
-    scale = np.sqrt(np.mean(matrix**2, axis=0))
-    if np.any(scale == 0) or np.std(record['speed']) == 0:
-        return None
     voltage = smoothed(record[driver], width)
-    solution, *_ = np.linalg.lstsq(matrix / scale, voltage, rcond=1e-8)
-    explained = 1 - np.var(voltage - matrix / scale @ solution) / (np.var(voltage) + 1e-300)
-    return float(solution[0] / scale[0]) if explained > 0.7 else None
+    names = ['speed', *([current] if current else [])]
+    columns = [smoothed(record[name], width) for name in names]
+    if np.ptp(voltage) == 0 or any(np.ptp(column) == 0 for column in columns):
+        return None
+    without, _ = _line(columns[:1], voltage)
+    left, slopes = _line(columns, voltage)
+    return VoltageBalance(
+        slopes[1] if current else np.nan,
+        slopes[0],
+        1 - left / float(np.var(voltage)),
+        1 - left / without if without > 0 else 0.0,
+    )
+
+
+def _line(columns: Sequence[Array], values: Array) -> tuple[float, list[float]]:
+    """Variance that a line in the columns leaves, and its slopes."""
+    scales = [float(np.std(column)) for column in columns]
+    matrix = np.column_stack(
+        [(column - np.mean(column)) / s for column, s in zip(columns, scales, strict=True)]
+    )
+    centred = values - np.mean(values)
+    solution, *_ = np.linalg.lstsq(matrix, centred, rcond=1e-8)
+    left = float(np.var(centred - matrix @ solution))
+    return left, [float(x) / s for x, s in zip(solution, scales, strict=True)]
