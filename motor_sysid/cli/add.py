@@ -1,0 +1,68 @@
+"""`motor-sysid add`: add an effect to a model, refit, and see the error fall."""
+
+import argparse
+from pathlib import Path
+
+from motor_sysid.cli.common import (
+    add_data_arguments,
+    add_effect_file_argument,
+    load_data,
+    load_effect_files,
+    progress,
+    write_json,
+)
+
+HELP = 'add an effect to a model, refit on recordings, and say what it brings'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    parser.add_argument('model', type=Path, metavar='MODEL', help='model (YAML)')
+    parser.add_argument('effect', metavar='EFFECT', help='key of the effect to add')
+    add_data_arguments(parser, validate=True)
+    parser.add_argument(
+        '-o', '--out', type=Path, metavar='MODEL', help='write the new model (YAML)'
+    )
+    add_effect_file_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Add, refit, print before and after."""
+    from motor_sysid.cli.fit import rung_lines
+    from motor_sysid.diagnosis.document import model_parameters
+    from motor_sysid.diagnosis.fitting import add_effect
+    from motor_sysid.physics.store import load_model, save_model
+
+    load_effect_files(args.effect_file)
+    before, trial = add_effect(
+        load_model(args.model),
+        args.effect,
+        load_data(args.data, args.msg_config),
+        load_data(args.validate, args.msg_config),
+        validation_fraction=args.hold_back,
+        progress=progress(),
+    )
+    after = trial.rung
+    print('\n'.join(rung_lines(after.model, after.result.reason)))
+    print(
+        f'held-out error {before.validation.error_percent:.4g} -> '
+        f'{after.validation.error_percent:.4g} %, evidence dBIC {trial.delta_bic:.4g}: '
+        f'{trial.note or "it helps"}'
+    )
+    if args.out:
+        save_model(after.model, args.out)
+        print(f'model: {args.out}')
+    document = {
+        'schema': 'motor_sysid/add/1',
+        'effect': args.effect,
+        'delta_bic': trial.delta_bic,
+        'passes': trial.passes,
+        'note': trial.note,
+        'validation_error_percent': [
+            before.validation.error_percent, after.validation.error_percent,
+        ],
+        'train_error_percent': [before.training.error_percent, after.training.error_percent],
+        'parameters': model_parameters(after.model),
+    }  # fmt: skip
+    write_json(document, args.json)
+    return 0

@@ -1,0 +1,96 @@
+"""What the verbs share: data arguments, loading, progress and JSON output."""
+
+import argparse
+from collections.abc import Callable, Sequence
+import json
+from pathlib import Path
+import sys
+from typing import TYPE_CHECKING
+
+from motor_sysid.errors import UserError
+
+if TYPE_CHECKING:
+    from motor_sysid.signals.record import Record
+
+
+def add_data_arguments(parser: argparse.ArgumentParser, *, validate: bool = False) -> None:
+    """Declare DATA, and how to read it."""
+    parser.add_argument(
+        'data', nargs='+', type=Path, metavar='DATA',
+        help='bag folder, .mcap, .db3, CSV or CSV.GZ; several are used together',
+    )  # fmt: skip
+    add_reading_arguments(parser)
+    if validate:
+        parser.add_argument(
+            '--validate', nargs='+', default=[], type=Path, metavar='DATA',
+            help='recordings to judge on; default: the last part of each DATA is held back',
+        )  # fmt: skip
+        parser.add_argument(
+            '--hold-back', type=float, default=0.2, metavar='FRACTION',
+            help='part of each DATA that is held back without --validate (default: %(default)s)',
+        )  # fmt: skip
+
+
+def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare how to read data."""
+    parser.add_argument(
+        '--msg-config', metavar='FILE',
+        help='which topic or column carries which signal; a file, or the name of one that ships '
+        'with the package (emps, ...); default: topics of this package, or headers with units',
+    )  # fmt: skip
+    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
+
+
+def add_effect_file_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare --effect-file."""
+    parser.add_argument(
+        '--effect-file', action='append', default=[], type=Path, metavar='FILE',
+        help='a file with an effect of your own (docs/effects.md); may be given several times',
+    )  # fmt: skip
+
+
+def load_data(paths: Sequence[Path], msg_config: str | None) -> 'list[Record]':
+    """Read recordings; what had to be mended is told on stderr."""
+    from motor_sysid.recording import load
+
+    records: list[Record] = []
+    for path in paths:
+        loaded = load(path, msg_config)
+        for finding in loaded.findings:
+            print(f'{path}: {finding.message}', file=sys.stderr)
+        records.extend(loaded.records)
+    return records
+
+
+def load_effect_files(paths: Sequence[Path]) -> None:
+    """Add the user's own effects to the catalogue."""
+    from motor_sysid.physics.effects import add_effect_file
+
+    for path in paths:
+        add_effect_file(path)
+
+
+def progress() -> Callable[[str], None]:
+    """Return a function that tells the user what is going on."""
+
+    def tell(text: str) -> None:
+        print(f'  {text} ...', file=sys.stderr, flush=True)
+
+    return tell
+
+
+def write_json(document: object, path: Path | None) -> None:
+    """Write a result as JSON, if a file was asked for.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    if path is None:
+        return
+    try:
+        path.write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
+    except OSError as problem:
+        raise UserError(f'cannot write {path}: {problem.strerror}') from problem
+    print(f'result: {path}')

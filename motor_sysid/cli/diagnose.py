@@ -1,0 +1,102 @@
+"""`motor-sysid diagnose`: find out which physical effect a motor model lacks."""
+
+import argparse
+from pathlib import Path
+import time
+from typing import TYPE_CHECKING
+
+from motor_sysid.cli.common import (
+    add_data_arguments,
+    add_effect_file_argument,
+    load_data,
+    load_effect_files,
+    progress,
+    write_json,
+)
+
+if TYPE_CHECKING:
+    from motor_sysid.diagnosis import Diagnosis
+
+HELP = 'name the physical effect that a motor model lacks, with evidence'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    add_data_arguments(parser, validate=True)
+    parser.add_argument('--model', type=Path, metavar='MODEL', help='model (YAML) to start from')
+    parser.add_argument('--motor', metavar='KIND', help='motor kind; default: what the data allow')
+    parser.add_argument(
+        '--nominal', type=Path, metavar='DATASHEET', help='data sheet (YAML) with nominal values'
+    )
+    parser.add_argument(
+        '--effects', nargs='+', metavar='EFFECT', help='try only these; default: the catalogue'
+    )
+    parser.add_argument(
+        '--max-effects', type=int, default=4, metavar='N', help='most to add (default: 4)'
+    )
+    parser.add_argument(
+        '-o', '--out', type=Path, metavar='MODEL', help='write the final model (YAML)'
+    )
+    parser.add_argument('--report', type=Path, metavar='HTML', help='write the page, too')
+    add_effect_file_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, print the verdict, write what was asked for."""
+    from motor_sysid.diagnosis import diagnose, Settings
+    from motor_sysid.diagnosis.diagnose import with_seconds
+    from motor_sysid.diagnosis.document import diagnosis_document
+    from motor_sysid.physics.datasheet import load_datasheet
+    from motor_sysid.physics.store import load_model, save_model
+
+    load_effect_files(args.effect_file)
+    sheet = load_datasheet(args.nominal) if args.nominal else None
+    model = load_model(args.model) if args.model else None
+    train = load_data(args.data, args.msg_config)
+    validation = load_data(args.validate, args.msg_config)
+    began = time.perf_counter()
+    found = diagnose(
+        train,
+        validation,
+        motor=args.motor or (sheet.motor if sheet else None),
+        model=model,
+        nominal=sheet.nominal if sheet else None,
+        effects=args.effects,
+        settings=Settings(max_effects=args.max_effects, validation_fraction=args.hold_back),
+        progress=progress(),
+    )
+    found = with_seconds(found, time.perf_counter() - began)
+    print('\n'.join(summary(found)))
+    write_json(diagnosis_document(found), args.json)
+    if args.out:
+        save_model(found.model, args.out)
+        print(f'model: {args.out}')
+    if args.report:
+        from motor_sysid.workbench.report import write_report
+
+        print(f'report: {write_report(found, args.report)}')
+    return 0
+
+
+def summary(found: 'Diagnosis') -> list[str]:
+    """Return the verdict as lines of text: words, ladder, candidates."""
+    lines = ['', f'Verdict: {found.verdict.value.replace("_", " ")}', *found.reasons, '']
+    lines.append(f'{"model":<58}{"train":>10}{"held out":>12}   error in percent')
+    for step in found.steps:
+        name = ' + '.join(['linear', *step.model.effects])
+        lines.append(
+            f'{name:<58}{step.train_error_percent:>10.3g}{step.validation_error_percent:>12.3g}'
+        )
+    lines.append(f'{"sensor noise alone":<58}{"":>10}{found.noise_floor_percent:>12.3g}')
+    for step in found.steps:
+        if step.candidates:
+            lines += ['', f'tried on {" + ".join(["linear", *step.model.effects])}:']
+        for one in step.candidates:
+            lines.append(
+                f'  {one.title:<32} evidence dBIC {one.delta_bic:>12.4g}   held out '
+                f'{one.validation_error_percent:>8.3g} %   {one.note or "helps"}'
+            )
+    if found.experiment:
+        lines += ['', f'Record next: {found.experiment["profile"]} ({found.experiment["purpose"]})']
+    lines += [f'note: {w}' for w in found.warnings]
+    return [*lines, f'({found.seconds:.1f} s)']

@@ -1,0 +1,112 @@
+"""The single steps of a diagnosis, for those who go by hand: fit, compare, add."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
+from motor_sysid.diagnosis.refit import climb, Rung, Trial, try_effect
+from motor_sysid.diagnosis.residual import likely_orders
+from motor_sysid.diagnosis.result import Where
+from motor_sysid.diagnosis.score import score, variants
+from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+from motor_sysid.signals.record import Record
+
+
+def fit_model(
+    train: Sequence[Record],
+    validation: Sequence[Record] = (),
+    *,
+    model: Model | None = None,
+    motor: str | None = None,
+    nominal: Mapping[str, float] | None = None,
+    effects: Sequence[str] = (),
+    validation_fraction: float = 0.2,
+) -> Rung:
+    """Fit a model, or the linear model of a motor kind with the named effects.
+
+    Each effect is started from what its score proposes, so that a fit does not stay at zero.
+
+    Returns
+    -------
+    The fit, with its free-running errors on the training and held-out data.
+    """
+    bench, model = _prepared(train, validation, model, motor, nominal or {}, validation_fraction)
+    rung = climb(model, bench)
+    for key in effects:
+        if key not in rung.model.effects:
+            rung = _tried(rung, key, bench).rung
+    return rung
+
+
+def compare_model(
+    model: Model, records: Sequence[Record]
+) -> tuple[Comparison, tuple[Where, ...]]:
+    """Run a model over records, freely, and say where it fails."""
+    evens = [r.uniform() for r in records]
+    outputs = observed_outputs(model.kind, evens)
+    chains = [make_chain(r, model.kind, outputs) for r in evens]
+    comparison = compare(model, chains, outputs)
+    return comparison, where_it_fails(model, evens, comparison)
+
+
+def add_effect(
+    model: Model,
+    key: str,
+    train: Sequence[Record],
+    validation: Sequence[Record] = (),
+    *,
+    validation_fraction: float = 0.2,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Rung, Trial]:
+    """Add one effect to a model and refit.
+
+    Returns
+    -------
+    The model before, fitted, and the trial of the effect with its evidence.
+
+    Raises
+    ------
+    UserError
+        If the effect is unknown or makes no sense for this motor.
+    """
+    tell = progress or (lambda text: None)
+    model.with_effect(key)
+    bench, model = _prepared(train, validation, model, None, {}, validation_fraction)
+    tell('fitting the model as it is')
+    before = climb(model, bench)
+    tell(f'adding {effect(key).card.title}')
+    return before, _tried(before, key, bench)
+
+
+def _prepared(
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    model: Model | None,
+    motor: str | None,
+    nominal: Mapping[str, float],
+    fraction: float,
+) -> tuple[Bench, Model]:
+    records, held = [r.uniform() for r in train], [r.uniform() for r in validation]
+    kind = choose_kind([*records, *held], model.motor if model else motor)
+    bench = make_bench(records, held, kind, model, fraction)
+    if model is None:
+        model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
+    return with_scales(bench, model), model
+
+
+def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
+    train = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
+    one = effect(key)
+    orders = likely_orders(rung.model, train) if one.card.orders else []
+    found = list(variants(rung.model, bench.scales, [one], orders))
+    if not found:
+        raise UserError(
+            f'`{key}` cannot be added: the model has it already, the motor lacks what it needs, '
+            'or no order stands out of the data'
+        )
+    problem = Problem(rung.model, bench.train, bench.outputs)
+    scores, weighting = score(problem, problem.vector(), found)
+    return try_effect(scores[0], rung, bench, weighting)

@@ -1,0 +1,80 @@
+"""A data sheet: nominal values of a motor, as manufacturers print them, in a YAML file.
+
+Everything in it is optional::
+
+    motor_type: brushed_dc
+    nominal: {resistance_ohm: 2.5, inductance_H: 0.0026, torque_constant_Nm_per_A: 0.046}
+    encoder_counts_per_rev: 2000
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import yaml
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.motors import motors
+
+_SYMBOLS = {
+    'resistance_ohm': 'R',
+    'inductance_H': 'L',
+    'torque_constant_Nm_per_A': 'k_t',
+    'inertia_total_kgm2': 'J',
+    'viscous_friction_Nms': 'b',
+    'mass_total_kg': 'J',
+    'viscous_friction_Ns_per_m': 'b',
+}
+
+
+@dataclass(frozen=True)
+class Datasheet:
+    """Nominal values.
+
+    Attributes
+    ----------
+    motor:
+        Motor kind, or None.
+    nominal:
+        Parameter symbol to value in SI.
+    """
+
+    motor: str | None
+    nominal: Mapping[str, float]
+
+
+def load_datasheet(path: str | Path) -> Datasheet:
+    """Read a data sheet.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be read, is not YAML, or a value is no positive number.
+    """
+    try:
+        text = Path(path).read_text(encoding='utf-8')
+        content = yaml.safe_load(text)
+    except (OSError, UnicodeDecodeError, yaml.YAMLError) as problem:
+        raise UserError(f'cannot read data sheet {path}: {problem}') from problem
+    if not isinstance(content, dict):
+        raise UserError(f'data sheet {path} is not a mapping; see docs/models.md')
+    kind = content.get('motor_type')
+    given = content.get('nominal') or {}
+    if not isinstance(given, dict):
+        raise UserError(f'data sheet {path}: `nominal` is not a mapping of names to numbers')
+    nominal = {
+        _SYMBOLS[name]: _positive(path, name, value)
+        for name, value in given.items()
+        if name in _SYMBOLS
+    }
+    if kind is not None and kind not in motors():
+        raise UserError(
+            f'data sheet {path}: motor_type `{kind}` is not known; known are {", ".join(motors())}'
+        )
+    return Datasheet(kind, nominal)
+
+
+def _positive(path: str | Path, name: str, value: object) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
+        raise UserError(f'data sheet {path}: `{name}` is {value!r}; it must be a number above 0')
+    return float(value)
