@@ -247,7 +247,7 @@ def test_a_page_that_is_served_offers_add_and_remove(chromium: 'Browser', tmp_pa
 def test_playing_the_ladder_ends_at_the_last_model(opened: Watched) -> None:
     opened.page.click('#play')
     opened.page.wait_for_selector('#stepper input[value="2"]:checked', timeout=10_000)
-    assert 'Watch' in opened.text('#play')
+    opened.page.wait_for_selector('#play:has-text("▶")')
 
 
 def test_tables_tell_what_the_pictures_show(opened: Watched, view: View) -> None:

@@ -36,8 +36,8 @@ function say(step) {
   const s = page.view.steps[step];
   const before = step ? page.view.steps[step - 1] : null;
   $('#status').textContent = before
-    ? `${before.name} → ${s.name}: ${percent(before.validation_error_percent)} → ${percent(s.validation_error_percent)}`
-    : `${s.name}: error ${percent(s.validation_error_percent)}`;
+    ? `${before.name} → ${s.name}: ${brief(before.validation_error_percent)} → ${brief(s.validation_error_percent)}`
+    : `${s.name}: ${brief(s.validation_error_percent)}`;
 }
 
 /* --- playing the ladder ------------------------------------------------------------------ */
@@ -45,7 +45,7 @@ function say(step) {
 function stopPlaying() {
   clearInterval(page.timer);
   page.timer = null;
-  $('#play').textContent = '▶ Watch the error fall';
+  $('#play').textContent = '▶ Play';
 }
 
 function play() {

@@ -134,6 +134,7 @@ function makeTraces(view) {
       const extra = k === plots.length - 1 ? TIME_AXIS : 0;
       u.setSize({width, height: Math.max(48, Math.floor((height * spec.weight) / total)) + extra});
     });
+    drawMarks();
     drawStrip();
   }
 
@@ -141,7 +142,7 @@ function makeTraces(view) {
 
   function applyRange() {
     plots.forEach(({u}) => u.batch(() => u.setScale('x', {min: range[0], max: range[1]})));
-    root.dataset.range = range.map((t) => t.toFixed(6)).join(' ');
+    drawMarks();
     drawStrip();
   }
 
@@ -226,11 +227,23 @@ function makeTraces(view) {
       ctx.fillStyle = palette.noise;
       ctx.fillRect(left, high, width, low - high);
     }
-    if (mark) {
-      ctx.fillStyle = palette.mark;
-      markedSpans().forEach(([a, b]) => ctx.fillRect(x(a), top, Math.max(1.5, x(b) - x(a)), height));
-    }
     ctx.restore();
+  }
+
+  /** Marked moments, on canvases of their own behind the lines: those need not be drawn again. */
+  function drawMarks() {
+    const spans = mark ? markedSpans().filter(([a, b]) => b >= range[0] && a <= range[1]) : [];
+    plots.forEach(({u}) => {
+      const canvas = $('canvas', u.under) || u.under.appendChild(el('canvas', {class: 'marks'}));
+      const [width, height] = [u.under.clientWidth, u.under.clientHeight];
+      if (canvas.width !== width) canvas.width = width;
+      if (canvas.height !== height) canvas.height = height;
+      const ctx = canvas.getContext('2d');
+      ctx.clearRect(0, 0, width, height);
+      ctx.fillStyle = palette.mark;
+      const x = (t) => ((t - range[0]) / (range[1] - range[0])) * width;
+      spans.forEach(([a, b]) => ctx.fillRect(x(a), 0, Math.max(1.5, x(b) - x(a)), height));
+    });
   }
 
   /** Where ±2σ lies, on top of an error that hides the band. */
@@ -344,9 +357,9 @@ function makeTraces(view) {
       applyRange();
     },
     mark(ids, id) {
+      if (mark?.ids === (ids || undefined) && mark?.id === id) return;
       mark = ids ? {ids, id} : null;
-      root.dataset.marked = mark ? api.marked().length : 0;
-      plots.forEach(({u}) => u.redraw(false, false));
+      drawMarks();
     },
     /** What a panel draws, by label. */
     lines: (name) => Object.fromEntries(
@@ -369,6 +382,7 @@ function makeTraces(view) {
     zoomOut: () => zoomAt(middle(), 1 / 0.6),
     reset: () => zoom(home),
     recolor() {
+      drawMarks();
       plots.forEach(({u}) => u.redraw(false, true));
       drawStrip();
     },
