@@ -254,7 +254,7 @@ def _left_out(one: Series, share: float) -> Finding:
     return Finding(
         Severity.INFO, 'reference_left_out',
         f'{one.topic} covers {share:.0%} of the time only and was left out',
-        'none for identification', 'nothing to do', {'share': share},
+        '', '', {'share': share},
     )  # fmt: skip
 
 

@@ -168,7 +168,7 @@ def out_of_order(what: str, count: int) -> Finding:
     return Finding(
         Severity.INFO, 'out_of_order',
         f'{what} overtook each other {count} times; sorted by their stamps',
-        'none', 'nothing to do', {'times': count},
+        '', '', {'times': count},
     )  # fmt: skip
 
 
@@ -204,7 +204,7 @@ def _without_repeats(rows: Rows, findings: list[Finding]) -> Rows:
                 f'{lost} of {len(fresh)} rows repeat the time of the row before; left out',
                 'the stamps are coarser than the sampling, so samples are lost and the rest is '
                 'jittery' if coarse else 'none, if they were sent twice',
-                'write more decimals of the time' if coarse else 'nothing to do',
+                'write more decimals of the time' if coarse else '',
                 {'rows': lost},
             )
         )  # fmt: skip
@@ -252,7 +252,7 @@ def _without_stubs(pieces: list[Rows], findings: list[Finding]) -> list[Rows]:
             Finding(
                 Severity.INFO, 'stubs',
                 f'{lost} samples in pieces of fewer than {shortest} were left out',
-                'none', 'nothing to do', {'samples': lost},
+                '', '', {'samples': lost},
             )
         )  # fmt: skip
     return kept

@@ -143,7 +143,8 @@ class Source:
         steps += [f'+ {self.offset:g}'] if self.offset else []
         steps += ['sign changed'] if self.sign < 0 else []
         steps += [f'gear {self.gear_ratio:g}'] if self.gear_ratio != 1 else []
-        return ' '.join([place, *steps, *([f'[{self.unit}]'] if self.unit else [])])
+        unit = [] if not self.unit or f'[{self.unit}]' in place else [f'[{self.unit}]']
+        return ' '.join([place, *steps, *unit])
 
 
 ISO = 'iso8601'

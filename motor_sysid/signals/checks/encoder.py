@@ -66,7 +66,7 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
             'speed is the difference of the position over the last sample'
             f'{counts if known else ""}',
             'it lags by half a sample and is in steps; the sensor model takes this into account',
-            'nothing to do',
+            '',
             {'counts_per_turn': encoder.counts_per_turn, 'lag_s': record.dt / 2},
         )  # fmt: skip
     elif 'position' not in record:

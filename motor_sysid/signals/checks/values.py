@@ -145,8 +145,8 @@ def _coarse(name: str, values: Array, record: Record) -> Iterator[Finding]:
     yield Finding(
         Severity.WARNING if coarse else Severity.INFO, 'quantization',
         f'{name} comes in steps of {found.step:.4g} {unit} ({ratio:.1%} of its RMS)',
-        'small effects (friction, cogging) drown in the steps' if coarse else 'little',
+        'small effects (friction, cogging) drown in the steps' if coarse else '',
         'record the position too, take a finer sensor, or larger motion' if coarse
-        else 'nothing to do',
+        else '',
         {'step': found.step, 'relative': ratio},
     )  # fmt: skip
