@@ -223,7 +223,8 @@ class _Engine:
         ]  # fmt: skip
         curves = failure_curves(rung.model, self.bench.records)
         found: list[Candidate] = [
-            candidate_of(t, curves, rivals.get(t.key, ()), self.bench.records) for t in trials
+            candidate_of(t, rung.model, curves, rivals.get(t.key, ()), self.bench.records)
+            for t in trials
         ]
         return Step(
             model=rung.model,

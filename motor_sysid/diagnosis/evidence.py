@@ -1,14 +1,13 @@
 """From a refitted trial to the candidate that people see, with its evidence curve."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
-import inspect
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.refit import parameters_of, Trial
-from motor_sysid.diagnosis.residual import known_forces, measured_states
+from motor_sysid.diagnosis.residual import balance, measured_states
 from motor_sysid.diagnosis.result import Candidate, Curve
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -16,10 +15,17 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 
+_STATE = {'speed': 'omega', 'position': 'theta', 'current': 'i', 'time': 't'}
+
+
 def candidate_of(
-    trial: Trial, curves: Sequence[Curve], rivals: Sequence[str], records: Sequence[Record]
+    trial: Trial,
+    base: Model,
+    curves: Sequence[Curve],
+    rivals: Sequence[str],
+    records: Sequence[Record],
 ) -> Candidate:
-    """Describe a trial."""
+    """Describe a trial of an effect on the base model."""
     one = trial.scored.variant.effect
     return Candidate(
         effect=one.key,
@@ -33,53 +39,44 @@ def candidate_of(
         confusable_with=tuple(rivals),
         passes=trial.passes,
         note=trial.note,
-        curve=_curve(trial, curves, records),
+        curve=_curve(trial, base, curves, records),
     )
 
 
-def _curve(trial: Trial, curves: Sequence[Curve], records: Sequence[Record]) -> Curve | None:
-    """Return the curve on the effect's axis, with the effect's force averaged in the same bins."""
+def _curve(
+    trial: Trial, base: Model, curves: Sequence[Curve], records: Sequence[Record]
+) -> Curve | None:
+    """Return the curve on the effect's axis, and what the refitted model says it should be."""
     one = trial.scored.variant.effect
     force = next(iter(one.laws), 'torque')
     wanted = f'unexplained {force}'
     curve = next((c for c in curves if c.axis == one.card.axis and c.quantity == wanted), None)
-    if curve is None or force not in one.laws:
+    if curve is None or trial.rung.model is base:
         return curve
-    law = _law_in_bins(trial.rung.model, one.key, force, curve, records)
-    return replace(curve, law=law)
+    return replace(curve, law=_law_in_bins(base, trial.rung.model, force, curve, records))
 
 
 def _law_in_bins(
-    model: Model, key: str, force: str, curve: Curve, records: Sequence[Record]
+    base: Model, refitted: Model, force: str, curve: Curve, records: Sequence[Record]
 ) -> Array | None:
-    alone = model
-    for other in model.effects:
-        if other != key:
-            alone = alone.without_effect(other)
-    states = [measured_states(alone, record.uniform()) for record in records]
-    if any(not _evaluable(alone, key, force, s) for s in states):
-        return None
-    values = np.concatenate([known_forces(alone, s)[force] for s in states])
-    x = np.concatenate([_axis(curve.axis, s) for s in states])
+    """Average, in the bins of the curve, the force that the base lacks if the refit is right.
+
+    It holds what the effect does less what the base parameters had taken over of it.
+    """
+    parts, places = [], []
+    for record in records:
+        states = measured_states(base, record.uniform())
+        old, new = balance(base, states), balance(refitted, states)
+        if force not in old or force not in new:
+            return None
+        parts.append((new[force][0] - old[force][0]) / old[force][1])
+        places.append(states[_STATE[curve.axis]])
+    x = np.concatenate(places)
     if curve.axis == 'position' and curve.axis_unit == 'rad':
         x = np.mod(x, 2 * np.pi)
     edges = np.concatenate(([-np.inf], 0.5 * (curve.x[1:] + curve.x[:-1]), [np.inf]))
     place = np.digitize(x, edges) - 1
     count = np.bincount(place, minlength=curve.x.size)
-    total = np.bincount(place, weights=values, minlength=curve.x.size)
+    total = np.bincount(place, weights=np.concatenate(parts), minlength=curve.x.size)
     mean: Array = total / np.maximum(count, 1)
     return mean
-
-
-def _axis(axis: str, states: Mapping[str, Array]) -> Array:
-    name = {'speed': 'omega', 'position': 'theta', 'current': 'i', 'time': 't'}[axis]
-    return states[name]
-
-
-def _evaluable(model: Model, key: str, force: str, states: Mapping[str, Array]) -> bool:
-    from motor_sysid.physics.effects import effect
-
-    one = effect(key)
-    asked = set(inspect.signature(one.laws[force]).parameters)
-    known = {*states, *model.parameters.values(), *one.card.states}
-    return asked <= known | {p.name for p in one.card.parameters}

@@ -58,31 +58,43 @@ def unexplained(model: Model, record: Record) -> dict[str, Array]:
     even = record.uniform()
     if len(even) <= WINDOW:
         return {}
-    kind = model.kind
     states = measured_states(model, even)
-    late = sum(
-        model[f'{key}.{effect(key).card.delay}'] for key in model.effects if effect(key).card.delay
-    )
-    if late:
-        for name in kind.arguments:
-            shifted = np.interp(even.time - late, even.time, states[name])
-            states[name] = shifted
+    lacking = {}
+    for name, (rate, gain) in balance(model, states).items():
+        own = next(f.own_state for f in model.kind.forces if f.name == name)
+        slope = savgol_filter(states[own], WINDOW, _DEGREE, deriv=1, delta=even.dt)
+        lacking[name] = (slope - savgol_filter(rate, WINDOW, _DEGREE)) / gain
+    return lacking
+
+
+def balance(model: Model, states: Mapping[str, Array]) -> dict[str, tuple[Array, float]]:
+    """Return for each equation with a measured own state its rate of change and force gain.
+
+    The rate (N,) is what the model, effects included, gives the own state at the given states; the
+    gain is the rate that one unit of force makes.
+    """
+    kind = model.kind
+    delays = [f'{key}.{effect(key).card.delay}' for key in model.effects if effect(key).card.delay]
+    late = sum(model[name] for name in delays)
+    seen = dict(states)
+    for name in kind.arguments:
+        seen[name] = np.interp(states['t'] - late, states['t'], states[name])
     values = {name: np.array([v]) for name, v in model.parameters.values().items()}
     a, b, g = (matrix[0] for matrix in kind.matrices(values))
-    known = known_forces(model, states)
-    lacking = {}
+    known = known_forces(model, seen)
+    rates = {}
     for column, force in enumerate(kind.forces):
         row = kind.states.index(force.own_state)
-        if force.own_state not in states:
+        needed = [j for j in range(len(kind.states)) if a[row, j] != 0]
+        if force.own_state not in seen or any(kind.states[j] not in seen for j in needed):
             continue
-        rest = sum(
-            a[row, j] * states[name] for j, name in enumerate(kind.states) if a[row, j] != 0
-        )
-        rest = rest + sum(b[row, j] * states[name] for j, name in enumerate(kind.arguments))
-        rest = rest + g[row, column] * known[force.name]
-        slope = savgol_filter(states[force.own_state], WINDOW, _DEGREE, deriv=1, delta=even.dt)
-        lacking[force.name] = (slope - savgol_filter(rest, WINDOW, _DEGREE)) / g[row, column]
-    return lacking
+        rate = g[row, column] * known[force.name]
+        for j in needed:
+            rate = rate + a[row, j] * seen[kind.states[j]]
+        for j, name in enumerate(kind.arguments):
+            rate = rate + b[row, j] * seen[name]
+        rates[force.name] = (rate, float(g[row, column]))
+    return rates
 
 
 def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
