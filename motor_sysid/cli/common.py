@@ -50,15 +50,29 @@ def add_effect_file_argument(parser: argparse.ArgumentParser) -> None:
 
 
 def load_data(paths: Sequence[Path], msg_config: str | None) -> 'list[Record]':
-    """Read recordings; what had to be mended is told on stderr."""
+    """Read recordings; what had to be mended is told on stderr.
+
+    Raises
+    ------
+    UserError
+        If one cannot be read, or the data doctor finds an error (a wrong unit, no input ...) that
+        would make every result wrong without a word.
+    """
     from motor_sysid.recording import load
+    from motor_sysid.signals.doctor import examine
 
     records: list[Record] = []
     for path in paths:
         loaded = load(path, msg_config)
         for finding in loaded.findings:
-            print(f'{path}: {finding.message}', file=sys.stderr)
+            if finding.severity != 'info':
+                print(f'{path}: {finding.message}', file=sys.stderr)
         records.extend(loaded.records)
+    errors = [f for f in examine(records) if f.severity == 'error'] if records else []
+    if errors:
+        problems = '\n'.join(f'  {error.message}\n    {error.remedy}' for error in errors)
+        names = ', '.join(map(str, paths))
+        raise UserError(f'{names} cannot be used (`motor-sysid check` tells more):\n{problems}')
     return records
 
 

@@ -77,7 +77,15 @@ def check(records: Sequence[Record], k_e: float | None = None) -> Iterator[Findi
     k_e:
         Back-EMF constant from the data sheet in V s/rad, if known.
     """
-    record = max(records, key=len)
+    seen: set[str] = set()
+    for record in sorted(records, key=len, reverse=True):
+        for finding in _check_one(record, k_e):
+            if finding.code not in seen:
+                seen.add(finding.code)
+                yield finding
+
+
+def _check_one(record: Record, k_e: float | None) -> Iterator[Finding]:
     trusted = True
     if 'speed' in record and 'position' in record:
         found = list(_position_against_speed(record))

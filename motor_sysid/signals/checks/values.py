@@ -20,7 +20,7 @@ AT_LIMIT = 0.005
 
 def check(records: Sequence[Record]) -> Iterator[Finding]:
     """Look at the values of each signal."""
-    for name in records[0]:
+    for name in dict.fromkeys(name for record in records for name in record):
         having = [record for record in records if name in record]
         values = np.concatenate([record[name] for record in having])
         if not np.all(np.isfinite(values)):
@@ -53,9 +53,10 @@ def _stuck(name: str, values: Array, records: Sequence[Record]) -> Iterator[Find
     moving = partner and any(np.ptp(r[partner]) > 0 for r in records if partner in r)
     if not moving or (name == 'speed' and 'position' not in records[0]):
         return
+    unit = next(record.units[name] for record in records if name in record)
     yield Finding(
         Severity.ERROR, 'stuck_channel',
-        f'{name} is {values[0]:.6g} {records[0].units[name]} all the time while {partner} changes',
+        f'{name} is {values[0]:.6g} {unit} all the time while {partner} changes',
         'the model would be fitted to a dead sensor',
         'check wiring, topic and field; leave the signal out if it is not measured',
         {'value': float(values[0])},
