@@ -1,0 +1,178 @@
+"""One contract over the whole catalogue of effects."""
+
+import inspect
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effect import Effect, Enters
+from motor_sysid.physics.effects import add_effect_file, catalogue
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors import motor
+from motor_sysid.physics.rollout import Drive, Program, simulate
+from motor_sysid.physics.scales import scales_of
+from motor_sysid.signals.record import Record
+import numpy as np
+import pytest
+
+KEYS = sorted(catalogue())
+MOTOR = {'R': 2.0, 'L': 2e-3, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5, 'i_eps': 0.02}
+PASSIVE = {
+    'coulomb_friction', 'asymmetric_coulomb_friction', 'stribeck_friction', 'quadratic_drag',
+    'brush_voltage_drop',
+}  # fmt: skip
+
+
+def a_record(seconds: float = 2.0, dt: float = 1e-3) -> Record:
+    rng = np.random.default_rng(5)
+    count = round(seconds / dt)
+    voltage = np.repeat(rng.uniform(-8, 8, count // 100 + 1), 100)[:count]
+    base = Model.base('brushed_dc', MOTOR)
+    record = Record(dt * np.arange(count), {'voltage': voltage}, {'voltage': 'V'})
+    run = simulate(base, record)
+    for name, unit in (('current', 'A'), ('speed', 'rad/s'), ('position', 'rad')):
+        record = record.with_signal(name, run.outputs[name], unit)
+    return record
+
+
+@pytest.fixture(scope='module')
+def record() -> Record:
+    return a_record()
+
+
+def a_strong(key: str, record: Record) -> Model:
+    """Return the test motor with an effect of a tenth of its scale."""
+    base = Model.base('brushed_dc', MOTOR)
+    scales = scales_of('brushed_dc', base.parameters.values(), [record])
+    card = catalogue()[key].card
+    values = {a.name: 0.1 * scales.size(a.scale) for a in card.amplitudes}
+    values.update({s.name: 7.0 for s in card.shapes if s.name == card.orders})
+    return base.with_effect(key, values, scales)
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_card_is_complete(key):
+    one = catalogue()[key]
+    card = one.card
+    assert isinstance(one, Effect) and isinstance(card.enters, Enters)
+    assert card.title and card.equation and card.symptom.endswith('.') and card.reference
+    assert card.amplitudes, 'an effect needs a parameter that switches it off'
+    assert card.axis in ('speed', 'position', 'current', 'time')
+    for p in card.parameters:
+        assert p.unit and p.description
+    for law in (*one.laws.values(), *one.rates.values()):
+        assert law.__doc__ and ' in ' in law.__doc__, 'say the unit of what the law returns'
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_zero_strength_switches_it_off(key, record):
+    base = Model.base('brushed_dc', MOTOR)
+    order = catalogue()[key].card.orders
+    off = base.with_effect(key, {order: 7.0} if order else {})
+    plain, with_zero = simulate(base, record), simulate(off, record)
+    for name, values in plain.outputs.items():
+        size = np.max(np.abs(values))
+        np.testing.assert_allclose(with_zero.outputs[name], values, atol=1e-9 * size, rtol=0)
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_it_does_something(key, record):
+    base = Model.base('brushed_dc', MOTOR)
+    with_it = simulate(a_strong(key, record), record, ['speed']).outputs['speed']
+    assert np.max(np.abs(with_it - simulate(base, record, ['speed']).outputs['speed'])) > 0.1
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_population_equals_single_runs(key, record):
+    model = a_strong(key, record)
+    program = Program.of(model, ['current', 'speed'])
+    drive = Drive.of(record, motor('brushed_dc'))
+    table = {n: np.full(40, v) for n, v in model.parameters.values().items()}
+    table['J'] = table['J'] * np.linspace(0.8, 1.2, 40)
+    together = program.run(table, drive, np.zeros(3), threads=2)
+    for k in (0, 31, 32, 39):
+        alone = program.run({n: v[k : k + 1] for n, v in table.items()}, drive, np.zeros(3))
+        np.testing.assert_array_equal(together[:, :, k], alone[:, :, 0])
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_law_of_arrays_equals_law_of_numbers(key):
+    rng = np.random.default_rng(3)
+    one = catalogue()[key]
+    for law in (*one.laws.values(), *one.rates.values()):
+        names = list(inspect.signature(law).parameters)
+        table = {name: rng.uniform(0.1, 3.0, 50) for name in names}
+        whole = np.broadcast_to(law(*table.values()), 50)
+        single = [law(*[float(table[n][k]) for n in names]) for k in range(50)]
+        np.testing.assert_allclose(whole, single, rtol=1e-13)
+
+
+@pytest.mark.parametrize('key', sorted(PASSIVE & set(KEYS)))
+def test_passive_effects_never_feed_energy(key):
+    rng = np.random.default_rng(4)
+    one = catalogue()[key]
+    for name, law in one.laws.items():
+        through = 'omega' if name == 'torque' else 'i'
+        for _ in range(300):
+            values = {n: rng.uniform(0.01, 2.0) for n in inspect.signature(law).parameters}
+            values[through] = rng.uniform(-30, 30)
+            assert law(**values) * values[through] <= 1e-12
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_one_substep_is_close_to_many(key, record):
+    model = a_strong(key, record)
+    coarse, fine = simulate(model, record), simulate(model, record, substeps=32)
+    for name in ('current', 'speed'):
+        error = np.std(coarse.outputs[name] - fine.outputs[name])
+        assert error < 6e-3 * np.std(fine.outputs[name])
+
+
+def test_an_effect_of_the_user_takes_part(tmp_path, record):
+    file = tmp_path / 'coupling_ripple.py'
+    file.write_text(
+        '"""Torque ripple of a misaligned coupling."""\n'
+        'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+        'from motor_sysid.physics.laws import sin\n'
+        'CARD = Card(title="coupling ripple", equation="tau = -m omega sin(2 theta)",\n'
+        '    symptom="Twice a turn.", reference="none", enters=Enters.MECHANICAL, axis="position",\n'
+        '    amplitudes=(Amplitude("m", "N m s/rad", "ripple per speed", Scale.ONE),))\n'
+        'def torque(omega, theta, m):\n'
+        '    """Torque in N m."""\n'
+        '    return -m * omega * sin(2.0 * theta)\n'
+    )
+    try:
+        assert add_effect_file(file).key == 'coupling_ripple'
+        model = Model.base('brushed_dc', MOTOR).with_effect('coupling_ripple', {'m': 1e-5})
+        before = simulate(model.without_effect('coupling_ripple'), record).outputs['speed']
+        assert np.std(simulate(model, record).outputs['speed'] - before) > 0.05
+    finally:
+        catalogue().pop('coupling_ripple', None)
+
+
+@pytest.mark.parametrize(
+    ('text', 'words'),
+    [
+        ('x = 1\n', 'defines no CARD'),
+        ('def torque(:\n', 'cannot be read'),
+    ],
+)
+def test_a_bad_effect_file_is_refused_in_words(tmp_path, text, words):
+    file = tmp_path / 'bad.py'
+    file.write_text(text)
+    with pytest.raises(UserError, match=words):
+        add_effect_file(file)
+
+
+def test_an_unknown_argument_of_a_law_is_an_error_when_loaded(tmp_path):
+    file = tmp_path / 'asks_too_much.py'
+    file.write_text(
+        'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+        'CARD = Card(title="t", equation="e", symptom="s.", reference="r",\n'
+        '    enters=Enters.MECHANICAL, amplitudes=(Amplitude("a", "N m", "d", Scale.TORQUE),))\n'
+        'def torque(omgea, a):\n    """Torque in N m."""\n    return -a * omgea\n'
+    )
+    try:
+        add_effect_file(file)
+        with pytest.raises(UserError, match='omgea'):
+            Model.base('brushed_dc').with_effect('asks_too_much')
+    finally:
+        catalogue().pop('asks_too_much', None)

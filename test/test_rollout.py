@@ -1,0 +1,190 @@
+"""The integrator against independent ones, and the motors against the textbook."""
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.laws import cos, sin, smooth_sign
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motors
+from motor_sysid.physics.rollout import simulate, Stepper
+from motor_sysid.signals.record import Record
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete
+
+MOTOR = {'R': 2.0, 'L': 6e-4, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5}
+DT = 1e-3
+
+
+def random_steps(count: int = 1000, unit: str = 'V', name: str = 'voltage') -> Record:
+    rng = np.random.default_rng(1)
+    held = np.repeat(rng.uniform(-8, 8, count // 50 + 1), 50)[:count]
+    return Record(DT * np.arange(count), {name: held}, {name: unit})
+
+
+@pytest.mark.parametrize('inductance', [1e-5, 6e-4, 5e-2])
+def test_the_linear_motor_is_exact_for_any_time_constant(inductance):
+    record = random_steps()
+    model = Model.base('brushed_dc', {**MOTOR, 'L': inductance})
+    a = np.array([[-2 / inductance, -0.05 / inductance], [0.05 / 5e-5, -2e-5 / 5e-5]])
+    step, gain, *_ = cont2discrete(
+        (a, np.array([[1 / inductance], [0]]), np.eye(2), np.zeros((2, 1))), DT
+    )
+    state, expected = np.zeros(2), []
+    for u in record['voltage']:
+        expected.append(state)
+        state = step @ state + gain[:, 0] * u
+    run = simulate(model, record, ['current', 'speed'])
+    np.testing.assert_allclose(run.outputs['current'], np.array(expected)[:, 0], atol=1e-11)
+    np.testing.assert_allclose(run.outputs['speed'], np.array(expected)[:, 1], atol=1e-10)
+
+
+def test_effects_agree_with_an_adaptive_integrator():
+    record = random_steps(400)
+    model = Model.base('brushed_dc', MOTOR)
+    model = model.with_effect('coulomb_friction', {'tau_c': 5e-3})
+    model = model.with_effect('cogging_torque', {'a_1': 3e-3, 'b_2': 1e-3, 'n': 7})
+    model = model.with_effect('brush_voltage_drop', {'v_b': 0.3})
+
+    def rhs(t: float, x: np.ndarray, u: float) -> list[float]:
+        i, omega, theta = x
+        torque = 0.05 * i - 2e-5 * omega - 5e-3 * smooth_sign(omega, 0.5)
+        torque += 3e-3 * np.cos(7 * theta) + 1e-3 * np.sin(14 * theta)
+        voltage = u - 2 * i - 0.05 * omega - 0.3 * smooth_sign(i, 0.01)
+        return [voltage / 6e-4, torque / 5e-5, omega]
+
+    x, expected = np.zeros(3), []
+    for u in record['voltage']:
+        expected.append(x)
+        solved = solve_ivp(rhs, (0, DT), x, 'LSODA', args=(u,), rtol=1e-8, atol=1e-10)
+        x = solved.y[:, -1]
+    found = simulate(model, record, substeps=16)
+    for j, name in enumerate(('current', 'speed', 'position')):
+        truth = np.array(expected)[:, j]
+        assert np.std(found.outputs[name] - truth) < 5e-4 * np.std(truth)
+
+
+def test_a_fractional_delay_shifts_the_answer():
+    record = random_steps()
+    model = Model.base('brushed_dc', MOTOR)
+    plain = simulate(model, record, ['speed'], substeps=4).outputs['speed']
+    late = model.with_effect('input_delay', {'delay': 3.6e-3})
+    shifted = simulate(late, record, ['speed']).outputs['speed']
+    fine = np.interp(record.time - 3.6e-3, record.time, plain)
+    assert np.std(shifted - fine) < 2e-3 * np.std(plain)
+
+
+def test_a_delay_of_whole_samples_is_a_shift_to_the_bit_of_rounding():
+    record = random_steps()
+    model = Model.base('brushed_dc', MOTOR)
+    plain = simulate(model, record, ['current']).outputs['current']
+    late = simulate(
+        model.with_effect('input_delay', {'delay': 5e-3}), record, ['current']
+    ).outputs['current']
+    first = simulate(
+        model, Record(record.time[:6], {'voltage': np.full(6, record['voltage'][0])},
+                      {'voltage': 'V'}), ['current'],
+    ).outputs['current']  # fmt: skip
+    np.testing.assert_allclose(late[:6], first, atol=1e-9)
+    assert np.corrcoef(late[200:], plain[195:-5])[0, 1] > 0.9999
+
+
+@pytest.mark.parametrize('effects', [(), ('coulomb_friction',), ('input_delay',)])
+def test_the_stepper_is_the_rollout_one_sample_at_a_time(effects):
+    record = random_steps(300)
+    model = Model.base('brushed_dc', {**MOTOR, 'current_offset': 0.02})
+    values = {'coulomb_friction': {'tau_c': 4e-3}, 'input_delay': {'delay': 2.3e-3}}
+    for key in effects:
+        model = model.with_effect(key, values[key])
+    quiet = record.with_signal('voltage', np.r_[np.zeros(10), record['voltage'][10:]], 'V')
+    run = simulate(model, quiet, ['current', 'speed'])
+    plant, found = Stepper(model, DT), []
+    for u in quiet['voltage']:
+        found.append((plant.outputs['current'], plant.outputs['speed']))
+        plant.step(float(u))
+    np.testing.assert_allclose(np.array(found)[:, 0], run.outputs['current'], atol=1e-12)
+    np.testing.assert_allclose(np.array(found)[:, 1], run.outputs['speed'], atol=1e-10)
+
+
+def test_a_differenced_speed_is_half_a_sample_late():
+    record = random_steps()
+    ideal = simulate(Model.base('brushed_dc', MOTOR), record)
+    late = simulate(Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.DIFFERENCE), record)
+    expected = np.diff(ideal.outputs['position']) / DT
+    np.testing.assert_allclose(late.outputs['speed'][1:], expected, atol=1e-9)
+
+
+def test_the_reduced_motor_is_the_motor_without_inductance():
+    record = random_steps()
+    full = Model.base('brushed_dc', {**MOTOR, 'L': 1e-7})
+    reduced = Model.base(
+        'brushed_dc_reduced',
+        {'k_v': 0.05 + 2.0 * 2e-5 / 0.05, 'k_a': 2.0 * 5e-5 / 0.05, 'omega_eps': 0.5},
+    )
+    a, b = (simulate(m, record, ['speed']).outputs['speed'] for m in (full, reduced))
+    assert np.max(np.abs(a - b)) < 5e-3 * np.max(np.abs(a))
+
+
+def test_steady_state_follows_the_textbook():
+    """At rest of all transients omega = k_t V / (b R + k_t k_e), i = b omega / k_t."""
+    count = 4000
+    record = Record(DT * np.arange(count), {'voltage': np.full(count, 6.0)}, {'voltage': 'V'})
+    run = simulate(Model.base('brushed_dc', MOTOR), record)
+    omega = 0.05 * 6 / (2e-5 * 2 + 0.05**2)
+    assert run.outputs['speed'][-1] == pytest.approx(omega, rel=1e-9)
+    assert run.outputs['current'][-1] == pytest.approx(2e-5 * omega / 0.05, rel=1e-9)
+
+
+def test_energy_is_conserved_without_losses():
+    """Electrical work equals kinetic energy, magnetic energy and copper loss."""
+    record = random_steps(500)
+    model = Model.base('brushed_dc', {**MOTOR, 'b': 1e-12})
+    fine = simulate(model, record)
+    i, omega = fine.outputs['current'], fine.outputs['speed']
+    stored = 0.5 * 5e-5 * omega[-1] ** 2 + 0.5 * 6e-4 * i[-1] ** 2
+    dense = Record(
+        1e-5 * np.arange(50000), {'voltage': np.repeat(record['voltage'], 100)}, {'voltage': 'V'}
+    )
+    run = simulate(model, dense, ['current']).outputs['current']
+    mid = 0.5 * (run[1:] + run[:-1])[:49900]
+    work = np.sum(mid * dense['voltage'][:49900]) * 1e-5
+    lost = np.sum(2.0 * mid**2) * 1e-5
+    assert work - lost == pytest.approx(stored, rel=2e-3)
+
+
+def test_a_motor_that_cannot_be_is_nan_not_a_crash():
+    record = random_steps(100)
+    from motor_sysid.physics.motors import motor
+    from motor_sysid.physics.rollout import Drive, Program
+
+    program = Program(motor('brushed_dc'), [], ['speed'])
+    values = {p.name: np.full(3, p.value) for p in motor('brushed_dc').parameters}
+    values['L'] = np.array([1e-3, np.nan, 1e-300])
+    run = program.run(values, Drive.of(record, motor('brushed_dc')), np.zeros(3))
+    assert np.all(np.isfinite(run[:, :, 0]))
+    assert not np.any(np.isfinite(run[5:, :, 1:]))
+
+
+def test_missing_inputs_are_named():
+    record = random_steps(50, name='current', unit='A')
+    with pytest.raises(UserError, match='needs voltage as input'):
+        simulate(Model.base('brushed_dc'), record)
+
+
+@pytest.mark.parametrize('key', sorted(motors()))
+def test_every_motor_kind_describes_itself(key):
+    kind = motors()[key]
+    assert kind.key == key and kind.title
+    values = {p.name: np.array([p.value]) for p in kind.parameters}
+    a, b, g = kind.matrices(values)
+    n = len(kind.states)
+    assert a.shape == (1, n, n)
+    assert b.shape == (1, n, len(kind.arguments)) and g.shape == (1, n, len(kind.forces))
+    assert {o.state for o in kind.outputs} <= set(kind.states)
+
+
+def test_fast_sine_is_exact_enough_and_takes_arrays():
+    x = np.linspace(-3e4, 3e4, 200001)
+    assert np.max(np.abs(sin(x) - np.sin(x))) < 2e-11
+    assert np.max(np.abs(cos(x) - np.cos(x))) < 2e-11
+    assert sin(1.0) == pytest.approx(np.sin(1.0), abs=1e-13)
+    assert smooth_sign(np.array([-9.0, 0.0, 9.0]), 0.1).tolist() == [-1.0, 0.0, 1.0]
