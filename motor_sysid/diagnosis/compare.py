@@ -42,9 +42,11 @@ class Comparison:
     measured: tuple[Array, ...]
 
 
-def compare(model: Model, chains: Sequence[Chain], outputs: Sequence[str]) -> Comparison:
+def compare(
+    model: Model, chains: Sequence[Chain], outputs: Sequence[str], *, substeps: int = 1
+) -> Comparison:
     """Run a model over chains from the measured initial state and take the errors."""
-    problem = Problem(model, chains, outputs)
+    problem = Problem(model, chains, outputs, substeps=substeps)
     near = problem.linearize(problem.vector(), parameters=False)
     residuals = tuple(one.residual for one in near)
     measured = tuple(stretch.judged for stretch in problem.stretches)

@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.refit import (
     MIN_DELTA_BIC,
     polish,
     profile_cost,
+    refined,
     Rung,
     Trial,
     try_effect,
@@ -24,7 +25,6 @@ from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.score import score, variants
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -143,12 +143,12 @@ class _Engine:
                 f'{rung.validation.error_percent:.3g} -> '
                 f'{winner.rung.validation.error_percent:.3g} %'
             )
-            rung = self.prune(winner.rung)
+            rung, self.bench = refined(self.prune(winner.rung), self.bench)
         return self.conclude(ladder, rivals)
 
     def round(self, rung: Rung) -> list[Trial]:
         """Score every candidate, refit the best, and return them with their evidence."""
-        problem = Problem(rung.model, self.bench.train, self.bench.outputs)
+        problem = self.bench.problem(rung.model)
         orders = likely_orders(rung.model, self.train_records)
         tried = list(variants(rung.model, self.bench.scales, self.candidates, orders))
         if not tried:
@@ -206,7 +206,9 @@ class _Engine:
         late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
         return examine_remainder(
             self.bench.outputs,
-            compare(rung.model, self.bench.train, self.bench.outputs),
+            compare(
+                rung.model, self.bench.train, self.bench.outputs, substeps=self.bench.substeps
+            ),
             rung.validation,
             rung.held,
             (self.bench.train, self.bench.held),

@@ -9,7 +9,7 @@ from motor_sysid.diagnosis.result import Where
 from motor_sysid.diagnosis.score import score, variants
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch import make_chain, observed_outputs
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -107,6 +107,6 @@ def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
             f'`{key}` cannot be added: the model has it already, the motor lacks what it needs, '
             'or no order stands out of the data'
         )
-    problem = Problem(rung.model, bench.train, bench.outputs)
+    problem = bench.problem(rung.model)
     scores, weighting = score(problem, problem.vector(), found)
     return try_effect(scores[0], rung, bench, weighting)

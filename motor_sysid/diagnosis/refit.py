@@ -1,7 +1,7 @@
 """Add an effect, refit, and ask whether the gain is real."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +22,9 @@ MIN_GAIN_PERCENT = 1.0
 """Relative decrease of the held-out error that an effect must bring to matter."""
 
 UNPHYSICAL = 'unphysical sign'
+
+FINE = 4
+"""Integration steps per sample where one is not enough."""
 
 BLOCKS = 20
 MIN_BLOCKS = 0.6
@@ -93,7 +96,7 @@ class Trial:
 
 def climb(model: Model, bench: Bench, start: Weighting | None = None) -> Rung:
     """Fit a model on the training data and take its free-running errors."""
-    result = fit(Problem(model, bench.train, bench.outputs), start)
+    result = fit(bench.problem(model), start)
     return judge(result, bench)
 
 
@@ -104,24 +107,44 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     """
     if bench.horizon is None:
         return rung
-    better = judge(fit(Problem(rung.model, bench.train_free, bench.outputs)), bench)
+    free = Problem(rung.model, bench.train_free, bench.outputs, substeps=bench.substeps)
+    better = judge(fit(free), bench)
     improved = better.validation.error_percent < rung.validation.error_percent
     return better if improved else rung
 
 
 def judge(result: FitResult, bench: Bench) -> Rung:
     """Take the errors of a fitted model."""
+    outputs, substeps = bench.outputs, bench.substeps
     return Rung(
         result,
-        compare(result.model, bench.train_free, bench.outputs),
-        compare(result.model, bench.held_free, bench.outputs),
-        compare(result.model, bench.held, bench.outputs),
+        compare(result.model, bench.train_free, outputs, substeps=substeps),
+        compare(result.model, bench.held_free, outputs, substeps=substeps),
+        compare(result.model, bench.held, outputs, substeps=substeps),
     )
+
+
+def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+    """Check the integration of a fitted model, and refit with finer steps where it matters.
+
+    Integration error would count as missing physics; it may be a tenth of the remaining error.
+    """
+    if bench.substeps >= FINE or not rung.model.effects:
+        return rung, bench
+    fine = replace(bench, substeps=FINE)
+    coarse = np.concatenate(rung.training.residuals)
+    finer = np.concatenate(
+        compare(rung.model, bench.train_free, bench.outputs, substeps=FINE).residuals
+    )
+    change = np.sqrt(np.mean((finer - coarse) ** 2, axis=0))
+    if np.all(change < 0.1 * np.sqrt(np.mean(coarse**2, axis=0))):
+        return rung, bench
+    return climb(rung.model, fine, rung.result.weighting), fine
 
 
 def profile_cost(model: Model, bench: Bench, weighting: Weighting) -> tuple[float, int]:
     """Return the whitened sum of squares at the nearest minimum, and the number of rows."""
-    problem = Problem(model, bench.train, bench.outputs)
+    problem = bench.problem(model)
     near = problem.linearize(problem.vector())
     gradient, curvature, cost = normal_equations(near, weighting)
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))

@@ -50,6 +50,8 @@ class Bench:
         Typical sizes.
     horizon:
         How far ahead `train` and `held` look, s; None for free runs.
+    substeps:
+        Integration steps per sample; raised where one is not enough.
     """
 
     kind: Motor
@@ -62,6 +64,11 @@ class Bench:
     roles: tuple[str, ...]
     scales: Scales
     horizon: float | None
+    substeps: int = 1
+
+    def problem(self, model: Model) -> Problem:
+        """Return the problem of fitting a model to the training data."""
+        return Problem(model, self.train, self.outputs, substeps=self.substeps)
 
 
 def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
