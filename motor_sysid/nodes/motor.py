@@ -126,8 +126,9 @@ class MotorNode(LoopNode):
             self.get_logger().warning('held up for more than a second; the stamps have a gap')
 
     def close(self) -> None:
-        """Say that the motor is without voltage."""
-        self._voltage.publish(self._grid.stamp, 0.0, 0.0, 0.0)
+        """Leave the motor without voltage, and say so in a last sample."""
+        self._command = 0.0
+        self._sample()
 
     def _take_commands(self, now: int) -> None:
         messages = self._commands.drain()

@@ -24,6 +24,8 @@ GAP = 0.5
 """After a gap of this many seconds in the stamps the controller starts anew."""
 FAREWELLS = 5
 """How often 0 V is sent at the end: a best-effort reader may miss some."""
+FAREWELL_STEP = SECOND // 200
+"""Time between them, ns."""
 OFF = 'topic'
 """Value of the parameter `profile` with which the reference is read from the topic."""
 
@@ -100,6 +102,7 @@ class PidNode(LoopNode):
         self.create_service(Trigger, '~/stop', self._on_stop)
         self.settings.on_change(self._change)
         self._next_look = 0.0
+        self.get_logger().info(f'reference from {self.settings.value.profile}')
 
     def _connect_reference(self) -> None:
         """Publish the profile, or listen to the topic; never both."""
@@ -126,9 +129,9 @@ class PidNode(LoopNode):
     def close(self) -> None:
         """Leave the motor at 0 V, and give the message time to arrive."""
         stamp = now_ns(self.get_clock()) if self._last is None else self._last
-        for _ in range(FAREWELLS):
-            self._command.publish(stamp, 0.0, 0.0, 0.0)
-            time.sleep(0.005)
+        for k in range(FAREWELLS):
+            self._command.publish(stamp + (k + 1) * FAREWELL_STEP, 0.0, 0.0, 0.0)
+            time.sleep(FAREWELL_STEP / SECOND)
         self._command.publisher.wait_for_all_acked(Duration(seconds=0.5))
 
     def _answer(self, stamp: int, speed: float) -> None:

@@ -1,0 +1,137 @@
+"""Verb `demo`: the whole loop over real ROS 2, with an effect that nobody is told of."""
+
+import argparse
+from collections.abc import Mapping
+from datetime import datetime
+from pathlib import Path
+import random
+import sys
+import time
+from typing import TYPE_CHECKING
+
+from motor_sysid.cli.demo_result import Demo, finish
+from motor_sysid.cli.progress import live_progress
+from motor_sysid.control.tuning import speed_pi
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.store import save_model
+
+if TYPE_CHECKING:
+    from motor_sysid.nodes.launcher import NodeProcesses
+    from motor_sysid.nodes.monitor import Monitor
+
+HELP = 'run a motor with hidden effects in closed loop over ROS 2, then find out what was hidden'
+
+HIDDEN = ('coulomb_friction', 'cogging_torque')
+
+DATASHEET: Mapping[str, float] = {'R': 2.0, 'L': 5e-3, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5}
+"""What the user would know of the motor: a small 24 V drive with a disc on its shaft."""
+
+TOLERANCE = 0.1
+"""The motor on the bench differs from its datasheet by up to this share."""
+
+SUPPLY, TOP_SPEED, CLOSED_LOOP_TIME = 24.0, 200.0, 0.025
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments."""
+    parser.add_argument(
+        '--hide', nargs='+', default=list(HIDDEN), metavar='EFFECT',
+        help=f'effects that the motor has and its model lacks (default: {" ".join(HIDDEN)})',
+    )  # fmt: skip
+    parser.add_argument('--seconds', type=float, default=20.0, help='duration (default 20)')
+    parser.add_argument('--rate', type=float, default=500.0, help='samples per second (500)')
+    parser.add_argument('--estimator', choices=('ekf', 'rls'), default='ekf')
+    parser.add_argument('--out', type=Path, help='folder for all results (default: demo_DATE)')
+    parser.add_argument('--storage', choices=('sqlite3', 'mcap'), default='sqlite3')
+    parser.add_argument('--seed', type=int, default=1, help='of the motor and its noise')
+    parser.add_argument('--json', type=Path, help='write the result to this file too')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo; returns the exit code."""
+    begin = time.monotonic()
+    _check(args)
+    out = args.out or Path(f'demo_{datetime.now().astimezone():%Y%m%d_%H%M%S}')
+    if (out / 'bag').exists():
+        raise UserError(f'{out} holds a bag already; give another folder with --out')
+    out.mkdir(parents=True, exist_ok=True)
+    nominal = Model.base('brushed_dc', DATASHEET, speed_sensor=SpeedSensor.DIFFERENCE)
+    save_model(nominal, out / 'datasheet_model.yaml')
+    print(f'Hidden in the motor: {", ".join(args.hide)}. The rest of the system is not told.')
+    record(args, nominal, out)
+    print(f'Recorded {out / "bag"}; the motor is at rest. Now the diagnosis.', flush=True)
+    return finish(Demo(out / 'bag', out, nominal, begin, args.json))
+
+
+def _check(args: argparse.Namespace) -> None:
+    for key in args.hide:
+        effect(key)
+    if not 5 <= args.seconds <= 3600:
+        raise UserError(f'--seconds {args.seconds:g} is outside 5 to 3600 s')
+    if not 50 <= args.rate <= 1000:
+        raise UserError(f'--rate {args.rate:g} is outside 50 to 1000 Hz')
+
+
+def record(args: argparse.Namespace, nominal: Model, out: Path) -> None:
+    """Run the four nodes through the profile and record them."""
+    try:
+        from motor_sysid.nodes.launcher import choose_domain, node_processes
+        from motor_sysid.nodes.monitor import Monitor
+    except ImportError as error:
+        raise UserError(
+            f'ROS 2 is missing ({error}); install the extra `ros` (make setup) or source ROS 2 '
+            'Jazzy. `motor-sysid simulate` and `diagnose` work without it'
+        ) from None
+    domain = choose_domain()
+    print(f'Starting motor, pid, identifier and recorder (ROS_DOMAIN_ID {domain}).', flush=True)
+    with node_processes(out / 'nodes') as processes:
+        _start_nodes(processes, args, nominal, out)
+        with Monitor() as monitor:
+            monitor.wait_until_heard(processes.check)
+            monitor.start_profile(processes.check)
+            _watch(monitor, processes, args.seconds)
+        for name in ('pid', 'motor', 'identifier', 'recorder'):
+            code = processes.stop(name)
+            if code:
+                raise UserError(f'node `{name}` ended with code {code}: {processes.log(name)}')
+
+
+def _start_nodes(
+    processes: 'NodeProcesses', args: argparse.Namespace, nominal: Model, out: Path
+) -> None:
+    chance = random.Random(args.seed)
+    truth = {
+        name: value * (1 + TOLERANCE * chance.uniform(-1, 1)) for name, value in DATASHEET.items()
+    }
+    gains = speed_pi(nominal, CLOSED_LOOP_TIME, SUPPLY)
+    processes.start('recorder', {'path': str(out / 'bag'), 'storage': args.storage})
+    processes.start(
+        'identifier',
+        {'estimator': args.estimator, 'model_file': str(out / 'datasheet_model.yaml')},
+    )
+    processes.start('motor', {
+        **truth, 'rate': args.rate, 'supply_voltage': SUPPLY, 'hidden_effects': args.hide,
+        'seed': args.seed,
+    })  # fmt: skip
+    processes.start('pid', {
+        'kp': gains.kp, 'ki': gains.ki, 'voltage_limit': SUPPLY, 'profile': 'mixed',
+        'top_speed': TOP_SPEED, 'profile_duration': args.seconds, 'autostart': False,
+    })  # fmt: skip
+
+
+def _watch(monitor: 'Monitor', processes: 'NodeProcesses', seconds: float) -> None:
+    """Show what happens until the profile is over."""
+    patience = time.monotonic() + 3 * seconds + 30
+    with live_progress(seconds, sys.stdout) as show:
+        while (snapshot := monitor.look()).elapsed < seconds:
+            processes.check()
+            show(snapshot)
+            if time.monotonic() > patience:
+                raise UserError(
+                    f'after {snapshot.elapsed:.1f} of {seconds:g} s nothing goes on; '
+                    'the machine is too busy, or a node hangs: see the logs in nodes/'
+                )
+            time.sleep(0.05)
+        show(snapshot)

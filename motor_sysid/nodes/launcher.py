@@ -1,0 +1,143 @@
+"""Start nodes as processes of their own, watch them, and end them in order."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+import ctypes
+import os
+from pathlib import Path
+import signal
+import socket
+import subprocess
+import sys
+
+import yaml
+
+from motor_sysid.errors import UserError
+
+SHOWN = 12
+"""Lines of a log that are shown when its node died."""
+
+PARTING = 15.0
+"""Seconds that a node has to close before it is killed."""
+
+PR_SET_PDEATHSIG = 1
+
+Value = bool | int | float | str | Sequence[str]
+
+
+class NodeProcesses:
+    """Nodes of this package, each in a process of its own, with its log in a file.
+
+    They are in a session of their own: Ctrl-C reaches only the process that started them, which
+    ends them one after the other; and they end when it dies.
+
+    Parameters
+    ----------
+    folder:
+        Where parameter files and logs go.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def start(self, name: str, parameters: Mapping[str, Value]) -> None:
+        """Start the node ``motor_sysid.nodes.<name>`` with its parameters."""
+        settings = self._folder / f'{name}.yaml'
+        tree = {'/**': {'ros__parameters': dict(parameters)}}
+        settings.write_text(yaml.safe_dump(tree), encoding='utf8')
+        command = [
+            sys.executable, '-m', f'motor_sysid.nodes.{name}',
+            '--ros-args', '--params-file', str(settings),
+        ]  # fmt: skip
+        with self.log(name).open('wb') as log:
+            self._running[name] = subprocess.Popen(
+                command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
+                start_new_session=True, preexec_fn=_die_with_parent,
+            )  # fmt: skip
+
+    def log(self, name: str) -> Path:
+        """Return the log file of a node."""
+        return self._folder / f'{name}.log'
+
+    def check(self) -> None:
+        """Refuse to go on if a node has ended.
+
+        Raises
+        ------
+        UserError
+            With its name, its exit code and the last lines of its log.
+        """
+        for name, process in self._running.items():
+            code = process.poll()
+            if code is not None:
+                lines = self.log(name).read_text(errors='replace').splitlines()[-SHOWN:]
+                tail = '\n  '.join(lines) or '(no output)'
+                raise UserError(
+                    f'node `{name}` ended with code {code}; its last lines '
+                    f'({self.log(name)}):\n  {tail}'
+                )
+
+    def stop(self, name: str) -> int:
+        """End a node as Ctrl-C would and return its exit code; kill it if it does not obey."""
+        process = self._running.pop(name)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGKILL):
+            with suppress(ProcessLookupError):
+                process.send_signal(number)
+            with suppress(subprocess.TimeoutExpired):
+                return process.wait(PARTING)
+        raise UserError(f'node `{name}` (process {process.pid}) does not end')
+
+    def stop_all(self) -> None:
+        """End the nodes that still run, the controller first: it leaves the motor at 0 V."""
+        for name in sorted(self._running, key=_parting_order):
+            self.stop(name)
+
+
+@contextmanager
+def node_processes(folder: Path) -> Iterator[NodeProcesses]:
+    """Start nodes inside the block; all of them have ended after it, whatever happens."""
+    processes = NodeProcesses(folder)
+    try:
+        yield processes
+    finally:
+        processes.stop_all()
+
+
+def _parting_order(name: str) -> int:
+    order = ('pid', 'motor', 'identifier', 'recorder')
+    return order.index(name) if name in order else len(order)
+
+
+_PRCTL = getattr(ctypes.CDLL(None), 'prctl', None)
+
+
+def _die_with_parent() -> None:
+    """Have the kernel send SIGTERM when the parent dies (Linux)."""
+    if _PRCTL is not None:
+        _PRCTL(PR_SET_PDEATHSIG, signal.SIGTERM)
+
+
+def choose_domain() -> int:
+    """Keep this run apart from other ROS systems on the machine and the network.
+
+    Takes a domain whose discovery port is free, on this machine alone, unless the user has set
+    ROS_DOMAIN_ID or ROS_AUTOMATIC_DISCOVERY_RANGE; returns the domain.
+    """
+    os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
+    if not os.environ.get('ROS_DOMAIN_ID'):
+        start = os.getpid()
+        domains = [1 + (start + k) % 101 for k in range(101)]
+        os.environ['ROS_DOMAIN_ID'] = str(next(filter(_is_free, domains), domains[0]))
+    return int(os.environ['ROS_DOMAIN_ID'])
+
+
+def _is_free(domain: int) -> bool:
+    """Tell whether the first participant's port of a domain (DDSI-RTPS 2.5, 9.6.2) is free."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        try:
+            probe.bind(('', 7410 + 250 * domain))
+        except OSError:
+            return False
+        return True

@@ -1,0 +1,218 @@
+"""Watch a running loop from outside: speed, tracking, estimates, prediction errors."""
+
+from collections import deque
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+import math
+import time
+from types import TracebackType
+
+from diagnostic_msgs.msg import DiagnosticArray
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.qos import QoSProfile
+from rclpy.serialization import deserialize_message
+from rclpy.utilities import try_shutdown
+from std_srvs.srv import Trigger
+
+from motor_sysid.errors import UserError
+from motor_sysid.nodes.intake import RawTopic
+from motor_sysid.nodes.publishing import SECOND
+from motor_sysid.recording.field_reader import FieldReader
+
+VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
+STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
+
+LISTENERS = {
+    '/motor/voltage': ('identifier', 'recorder'),
+    '/motor/current': ('identifier', 'recorder'),
+    '/motor/speed': ('identifier', 'recorder', 'pid'),
+    '/motor/voltage_command': ('motor', 'recorder'),
+    '/motor/reference': ('recorder',),
+    '/identifier/estimate': ('recorder',),
+    '/identifier/model': ('recorder',),
+}
+"""Who must listen to what before the loop may start."""
+
+
+@dataclass(frozen=True)
+class Estimated:
+    """One live estimate: value and standard deviation in its unit, and whether it is one."""
+
+    value: float
+    sigma: float
+    unit: str
+    identifiable: bool
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """What is seen now.
+
+    Attributes
+    ----------
+    elapsed:
+        Sample time since the profile began, s.
+    speed, reference:
+        rad/s.
+    tracking:
+        RMS of reference minus speed over the last second, rad/s.
+    errors:
+        Field of ~/residual (velocity, effort: the current) to its RMS over the last 2 s or so.
+    estimates:
+        By parameter.
+    """
+
+    elapsed: float = 0.0
+    speed: float = math.nan
+    reference: float = 0.0
+    tracking: float = math.nan
+    errors: Mapping[str, float] = field(default_factory=dict)
+    estimates: Mapping[str, Estimated] = field(default_factory=dict)
+
+
+class Monitor:
+    """A node of its own that only listens, and starts the profile.
+
+    Use as a context manager; it has its own ROS context.
+    """
+
+    def __init__(self) -> None:
+        self._context = Context()
+        rclpy.init(context=self._context)
+        self._node = rclpy.create_node('motor_sysid_monitor', context=self._context)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        few = QoSProfile(depth=1000)
+        self._speed = RawTopic(self._node, '/motor/speed', JOINT, few)
+        self._reference = RawTopic(self._node, '/motor/reference', VECTOR, few)
+        self._estimate = RawTopic(
+            self._node, '/identifier/estimate', 'diagnostic_msgs/msg/DiagnosticArray', few
+        )
+        self._residual = RawTopic(self._node, '/identifier/residual', JOINT, few)
+        self._read_speed = FieldReader(JOINT, (*STAMP, 'velocity[0]')).read
+        self._read_reference = FieldReader(VECTOR, (*STAMP, 'vector.x')).read
+        self._read_residual = FieldReader(JOINT, ('velocity[0]', 'effort[0]')).read
+        self._speeds: dict[int, float] = {}
+        self._errors: deque[float] = deque(maxlen=500)
+        self._residuals: deque[tuple[float, ...]] = deque(maxlen=100)
+        self._first: int | None = None
+        self._seen = Snapshot()
+
+    def __enter__(self) -> 'Monitor':
+        """Return the monitor."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave ROS."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        try_shutdown(context=self._context)
+
+    def unheard(self) -> list[str]:
+        """Return what still hinders the start, as ``node does not listen to topic``."""
+        missing = []
+        for topic, names in LISTENERS.items():
+            there = {info.node_name for info in self._node.get_subscriptions_info_by_topic(topic)}
+            missing += [
+                f'{name} does not listen to {topic}' for name in names if name not in there
+            ]
+        return missing
+
+    def wait_until_heard(self, check: Callable[[], None], patience: float = 60.0) -> None:
+        """Wait until every node hears what it must.
+
+        Parameters
+        ----------
+        check:
+            Called all the time; raises if there is no use in waiting.
+        patience:
+            Longest wait, s.
+
+        Raises
+        ------
+        UserError
+            If it takes too long; says which node hears what not.
+        """
+        end = time.monotonic() + patience
+        while missing := self.unheard():
+            check()
+            if time.monotonic() > end:
+                raise UserError(f'the nodes did not find each other in {patience:g} s: {missing}')
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def start_profile(self, check: Callable[[], None], patience: float = 20.0) -> None:
+        """Have the controller start its profile."""
+        client = self._node.create_client(Trigger, '/pid/start')
+        end = time.monotonic() + patience
+        future = None
+        while future is None or not future.done():
+            check()
+            if time.monotonic() > end:
+                raise UserError('the controller did not answer; see its log')
+            if future is None and client.service_is_ready():
+                future = client.call_async(Trigger.Request())
+            self._executor.spin_once(timeout_sec=0.05)
+
+    def look(self) -> Snapshot:
+        """Take what has come and return what is seen now."""
+        for message in self._speed.drain():
+            seconds, nanoseconds, speed = self._read_speed(message.data)
+            self._speeds[int(seconds) * SECOND + int(nanoseconds)] = float(speed)
+        self._look_at_reference()
+        for message in self._residual.drain():
+            self._residuals.append(tuple(map(float, self._read_residual(message.data))))
+        estimates = self._estimate.drain()[-1:]
+        self._seen = Snapshot(
+            self._seen.elapsed,
+            next(reversed(self._speeds.values()), math.nan),
+            self._seen.reference,
+            _rms(list(self._errors)),
+            {
+                name: _rms([row[k] for row in self._residuals])
+                for k, name in enumerate(('velocity', 'effort'))
+            },
+            _estimates(estimates[0].data) if estimates else self._seen.estimates,
+        )
+        return self._seen
+
+    def _look_at_reference(self) -> None:
+        """Pair references with the speeds of the same stamps."""
+        elapsed, reference = self._seen.elapsed, self._seen.reference
+        for message in self._reference.drain():
+            seconds, nanoseconds, value = self._read_reference(message.data)
+            stamp, reference = int(seconds) * SECOND + int(nanoseconds), float(value)
+            self._first = stamp if self._first is None else self._first
+            elapsed = (stamp - self._first) / SECOND
+            if stamp in self._speeds:
+                self._errors.append(reference - self._speeds[stamp])
+        for stamp in list(self._speeds)[:-2000]:
+            del self._speeds[stamp]
+        self._seen = Snapshot(
+            elapsed, self._seen.speed, reference, self._seen.tracking, self._seen.errors,
+            self._seen.estimates,
+        )  # fmt: skip
+
+
+def _estimates(data: bytes) -> dict[str, Estimated]:
+    message = deserialize_message(data, DiagnosticArray)
+    found = {}
+    for status in message.status:
+        values = {pair.key: pair.value for pair in status.values}
+        if 'sigma' in values:
+            found[status.name] = Estimated(
+                float(values['value']), float(values['sigma']), values['unit'],
+                values['identifiable'] == 'True',
+            )  # fmt: skip
+    return found
+
+
+def _rms(values: list[float]) -> float:
+    finite = [value for value in values if math.isfinite(value)]
+    return math.sqrt(sum(v * v for v in finite) / len(finite)) if finite else math.nan

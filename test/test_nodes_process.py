@@ -1,0 +1,166 @@
+"""The nodes as programs: exit codes, signals, kills, and the identifier under load."""
+
+from collections.abc import Iterator
+from pathlib import Path
+import signal
+
+import pytest
+
+pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
+
+from diagnostic_msgs.msg import DiagnosticArray
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+from ros_harness import NodeProcess, nodes, parameters, wait_for
+from std_srvs.srv import Trigger
+
+from motor_sysid.nodes.intake import RawTopic
+from motor_sysid.nodes.monitor import Monitor
+from motor_sysid.nodes.replay import replay
+from motor_sysid.recording import load
+from motor_sysid.recording.rosbag import Bag
+
+NAMES = ('motor', 'pid', 'identifier', 'recorder')
+VECTOR, DIAGNOSTICS = 'geometry_msgs/msg/Vector3Stamped', 'diagnostic_msgs/msg/DiagnosticArray'
+INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
+LOOP = {
+    'motor': parameters(rate=200, hidden_effects='[coulomb_friction]'),
+    'pid': parameters(profile='mixed', profile_duration=20.0, top_speed=100.0),
+}
+
+
+@pytest.fixture
+def other() -> Iterator[Node]:
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('other', context=context)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_unknown_parameter_ends_with_code_2_and_a_hint(name: str, tmp_path: Path) -> None:
+    wrong = {'motor': 'rat', 'pid': 'kpp', 'identifier': 'estimater', 'recorder': 'storag'}[name]
+    node = NodeProcess(name, parameters(**{wrong: 1}))
+    assert node.process.wait(40) == 2
+    assert 'did you mean' in node.output()
+    assert 'Traceback' not in node.output()
+    node.kill()
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['-p', 'kp'], 'cannot be used'),
+        (['--params-file', '/nowhere.yaml'], '/nowhere.yaml'),
+        (['--', 'surplus'], 'surplus'),
+        (['-p', 'voltage_limit:=-1'], 'outside its range'),
+    ],
+)
+def test_bad_arguments_end_with_code_2_and_a_reason(arguments: list[str], message: str) -> None:
+    node = NodeProcess('pid', arguments)
+    assert node.process.wait(40) == 2
+    assert message in node.output()
+    assert 'Traceback' not in node.output()
+    node.kill()
+
+
+@pytest.mark.parametrize('name', NAMES)
+def test_config_file_starts_its_node(name: str, repository: Path, tmp_path: Path) -> None:
+    settings = repository / 'config' / f'{name}.yaml'
+    extra = parameters(path=tmp_path / 'bag') if name == 'recorder' else []
+    with nodes(**{name: ['--params-file', str(settings), *extra]}) as running:
+        assert running[name].end(TERM) == 0, running[name].output()
+
+
+@pytest.mark.parametrize('signals', [(INT,), (TERM,), (INT, INT), (INT, TERM, HUP)], ids=str)
+def test_every_node_ends_with_code_0_however_it_is_asked(
+    signals: tuple[signal.Signals, ...], tmp_path: Path
+) -> None:
+    recorder = parameters(path=tmp_path / 'bag')
+    with nodes(**LOOP, identifier=[], recorder=recorder) as running, Monitor() as monitor:
+        monitor.wait_until_heard(lambda: None)
+        for name, node in running.items():
+            assert node.end(*signals) == 0, (name, node.output())
+            assert 'Traceback' not in node.output()
+    assert (tmp_path / 'bag' / 'metadata.yaml').exists()
+
+
+def test_the_controller_leaves_the_motor_at_zero_volts(other: Node) -> None:
+    voltage = RawTopic(other, '/motor/voltage_command', VECTOR)
+    from motor_sysid.recording.field_reader import FieldReader
+
+    read = FieldReader(VECTOR, ('vector.x',)).read
+    values: list[float] = []
+
+    def look() -> list[float]:
+        values.extend(float(read(message.data)[0]) for message in voltage.drain())
+        return values
+
+    with nodes(**LOOP) as running:
+        wait_for(lambda: any(abs(v) > 1 for v in look()), 'a voltage')
+        assert running['pid'].end(INT, INT) == 0
+        wait_for(lambda: look()[-3:] == [0.0] * 3, '0 V')
+
+
+@pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
+def test_a_bag_can_be_read_after_its_recorder_was_killed(storage: str, tmp_path: Path) -> None:
+    recorder = parameters(path=tmp_path / 'bag', storage=storage)
+    with nodes(motor=LOOP['motor'], recorder=recorder) as running:
+        wait_for((tmp_path / 'bag').exists, 'the bag')
+        wait_for(lambda: len(read_speed(tmp_path / 'bag')) > 100, 'a flushed second')
+        running['recorder'].kill()
+    record = load(tmp_path / 'bag').records[0]
+    assert len(record) > 100
+    assert record.dt == pytest.approx(0.005)
+
+
+def read_speed(path: Path) -> list[bytes]:
+    try:
+        return list(Bag(path).read(['/motor/speed'])['/motor/speed'])
+    except Exception:  # noqa: BLE001 - while it is being written anything may be missing
+        return []
+
+
+def latest(topic: RawTopic, name: str) -> dict[str, str]:
+    """Return the newest status of that name, empty if none has come."""
+    found: dict[str, str] = {}
+    for message in topic.drain():
+        for status in deserialize_message(message.data, DiagnosticArray).status:
+            if status.name == name:
+                found = {pair.key: pair.value for pair in status.values}
+    return found
+
+
+def test_live_estimates_are_those_of_a_replay_and_nothing_is_lost_during_refits(
+    other: Node, tmp_path: Path
+) -> None:
+    bag = tmp_path / 'bag'
+    identifier = parameters(refit_period=0.5, refit_window=1.0, estimator='ekf')
+    diagnostics = RawTopic(other, '/diagnostics', DIAGNOSTICS)
+    reset = other.create_client(Trigger, '/identifier/reset')
+    health: dict[str, str] = {}
+
+    def refits() -> int:
+        health.update(latest(diagnostics, 'identifier: intake'))
+        return int(health.get('refits', 0))
+
+    with nodes(**LOOP, identifier=identifier, recorder=parameters(path=bag)) as running:
+        with Monitor() as monitor:
+            monitor.wait_until_heard(lambda: None)
+        wait_for(lambda: refits() >= 1, 'a refit')
+        assert reset.wait_for_service(40)
+        reset.call_async(Trigger.Request())
+        wait_for(lambda: refits() >= 2, 'another refit')
+        for name in ('pid', 'motor', 'identifier', 'recorder'):
+            assert running[name].end() == 0, running[name].output()
+    assert {health[key] for key in health if key.startswith('lost')} == {'0'}
+    assert health['missing'] == health['out_of_order'] == health['overflow'] == '0'
+    result = replay(bag)
+    assert result.check is not None
+    assert result.check.difference == ''
+    assert result.check.compared > 20
+    assert len({event.first_stamp for event in result.estimates}) == 2, 'before and after reset'
