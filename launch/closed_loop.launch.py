@@ -1,0 +1,62 @@
+"""The whole loop: motor, pid, identifier and recorder.
+
+ros2 launch motor_sysid closed_loop.launch.py hidden_effects:="[coulomb_friction]" record:=false
+"""
+
+from typing import List  # noqa: UP035
+
+from ament_index_python.packages import get_package_share_path
+from launch.actions import DeclareLaunchArgument
+from launch.conditions import IfCondition
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
+
+from launch import LaunchDescription
+
+PACKAGE = 'motor_sysid'
+
+
+def generate_launch_description():
+    config = get_package_share_path(PACKAGE) / 'config'
+
+    def node(name, condition=None, **parameters):
+        return Node(
+            package=PACKAGE,
+            executable=name,
+            name=name,
+            parameters=[str(config / f'{name}.yaml'), parameters],
+            output='screen',
+            condition=condition,
+        )
+
+    def argument(name, kind):
+        return ParameterValue(LaunchConfiguration(name), value_type=kind)
+
+    return LaunchDescription(
+        [
+            DeclareLaunchArgument('rate', default_value='500.0', description='samples per second'),
+            DeclareLaunchArgument(
+                'hidden_effects',
+                default_value='[coulomb_friction, cogging_torque]',
+                description='effects that the motor has and its model lacks',
+            ),
+            DeclareLaunchArgument('profile', default_value='mixed', description='speed profile'),
+            DeclareLaunchArgument('estimator', default_value='ekf', description='ekf or rls'),
+            DeclareLaunchArgument('record', default_value='true', description='record a bag'),
+            DeclareLaunchArgument('bag', default_value='', description='folder of the bag'),
+            node(
+                'motor',
+                rate=argument('rate', float),
+                # launch knows List[str], not list[str]
+                hidden_effects=argument('hidden_effects', List[str]),  # noqa: UP006
+            ),
+            node('identifier', estimator=argument('estimator', str)),
+            node(
+                'recorder',
+                IfCondition(LaunchConfiguration('record')),
+                path=argument('bag', str),
+            ),
+            node('pid', profile=argument('profile', str)),
+        ]
+    )
