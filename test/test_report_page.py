@@ -110,7 +110,7 @@ def test_stepping_through_the_models_shows_the_error_fall(opened: Watched, view:
 def test_everything_follows_the_model(opened: Watched, view: View) -> None:
     page = opened.page
     page.click('#model-table tbody tr:nth-child(2) button')
-    first = page.get_attribute('.candidates tbody tr', 'data-effect')
+    first = page.get_attribute('.candidates tbody', 'data-effect')
     assert first == view['steps'][1]['candidates'][0]['effect']
     assert 'M1' in opened.text('#parameters h2')
     assert '3.9× too large' in opened.text('#parameter-table')
@@ -284,7 +284,7 @@ def test_nothing_overflows_and_the_verdict_is_whole(
         for selector in ('#headline', '#now', '#why summary', '#ladder', '.steps'):
             assert page.eval_on_selector(selector, 'e => e.scrollWidth - e.clientWidth') <= 1
         if fragment == '' and size[0] >= 1280:
-            for selector in ('#now', '#map', '.candidates tbody tr'):
+            for selector in ('#now', '#map', '.candidates tbody'):
                 box = page.locator(selector).first.bounding_box()
                 assert box['y'] + box['height'] <= size[1]
         watched.context.close()

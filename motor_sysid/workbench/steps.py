@@ -45,7 +45,7 @@ def step_view(index: int, bench: Bench) -> StepView:
         'regimes': _regime_shares(index, bench),
         'where': [_where(where) for where in step.where],
         'curves': [curve_view(curve) for curve in step.curves],
-        'candidates': [_candidate(candidate, index, bench) for candidate in step.candidates],
+        'candidates': _candidates(index, bench),
         'parameters': _parameters(index, bench),
     }
 
@@ -123,6 +123,12 @@ def _where(where: Where) -> WhereView:
         'error_share': _numbers(where.error_share),
         'time_share': _numbers(where.time_share),
     }
+
+
+def _candidates(index: int, bench: Bench) -> list[CandidateView]:
+    """Return what was tried: first what was taken, then the rest as it was ranked."""
+    found = [_candidate(c, index, bench) for c in bench.diagnosis.steps[index].candidates]
+    return sorted(found, key=lambda candidate: not candidate['added'])
 
 
 def _candidate(candidate: Candidate, index: int, bench: Bench) -> CandidateView:

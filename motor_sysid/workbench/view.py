@@ -96,7 +96,10 @@ def load_view(path: str | Path) -> View:
         raise UserError(f'cannot read the view {path}: {error}') from None
     schema = view.get('schema') if isinstance(view, dict) else None
     if schema != SCHEMA:
-        raise UserError(f'{path} has schema {schema!r}; a saved report view has {SCHEMA!r}')
+        raise UserError(
+            f'{path} has schema {schema!r}, a saved report view has {SCHEMA!r}; '
+            '`motor-sysid report MODEL DATA --json FILE` saves one'
+        )
     return cast(View, view)
 
 

@@ -104,7 +104,7 @@ const share = (value) => (value === null ? '–' : `${Math.round(100 * value)} %
 /** Value and sigma with one exponent, and as many digits as sigma deserves. */
 function withSigma(value, sigma) {
   if (value === null) return ['–', ''];
-  if (!sigma) return [digits(value, 4), ''];
+  if (!sigma) return [Number.isInteger(value) && Math.abs(value) < 1e5 ? minus(String(value)) : digits(value, 4), ''];
   const size = Math.floor(Math.log10(Math.max(Math.abs(value), sigma)));
   const exponent = size < -3 || size > 5 ? size : 0;
   const places = Math.min(7, Math.max(0, exponent - Math.floor(Math.log10(sigma)) + 1));

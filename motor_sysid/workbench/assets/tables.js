@@ -30,7 +30,7 @@ function makeCandidates(view, onAct) {
     const heads = ['', 'effect and law', 'evidence', 'error on held-out data', 'ΔBIC', ...(view.actions ? [''] : [])];
     const head = el('thead', {}, el('tr', {}, heads.map((h, k) =>
       (h ? el('th', {scope: 'col'}, h) : el('th', {scope: 'col'}, el('span', {class: 'aside'}, k ? 'action' : 'rank'))))));
-    const parts = [el('table', {class: 'candidates'}, head, el('tbody', {}, rows))];
+    const parts = [el('table', {class: 'candidates'}, head, ...rows)];
     if (!passing) parts.unshift(el('p', {class: 'none'}, ...nothingPasses(view, view.steps[step])));
     if (candidates.length > SHORT_LIST && passing < candidates.length) {
       parts.push(el('button', {type: 'button', class: 'more', onclick: () => {
@@ -41,29 +41,34 @@ function makeCandidates(view, onAct) {
     box.replaceChildren(...parts);
   }
 
+  /** One candidate: what it does to the error, and under it its law with the fitted numbers. */
   function row(c, now, rank) {
     const after = c.validation_error_percent;
     const change = now && after !== null ? (after - now) / now : null;
     const cells = [
-      el('td', {class: 'rank'}, rank === null ? '–' : String(rank)),
-      el('th', {scope: 'row', title: symbols(c.law)}, el('span', {class: 'title'}, cap(c.title)), place(c),
-        c.passes && c.law ? el('span', {class: 'law'}, symbols(c.law)) : null,
-        el('span', {class: 'values'}, valuesText(c))),
+      el('td', {class: 'rank', rowspan: 2}, rank === null ? '–' : String(rank)),
+      el('th', {scope: 'row'}, el('span', {class: 'title'}, cap(c.title)), place(c), notes(c)),
       el('td', {class: 'evidence'}, c.curve ? sparkline(c) : ''),
-      el('td', {class: 'change'}, changeText(now, after, change), changeBar(change, c.passes), notes(c)),
+      el('td', {class: 'change'}, changeText(now, after, change), changeBar(change, c.passes)),
       el('td', {class: 'bic'}, c.delta_bic === null ? '–' : signed(c.delta_bic)),
     ];
-    if (view.actions) cells.push(el('td', {}, el('button', {type: 'button', class: c.passes ? 'primary' : '',
+    if (view.actions) cells.push(el('td', {rowspan: 2}, el('button', {type: 'button', class: c.passes ? 'primary' : '',
       'aria-label': `Add ${c.title}`, onclick: () => onAct('add', c.effect)}, 'Add')));
-    return el('tr', {class: c.passes ? 'passes' : 'fails', 'data-effect': c.effect}, cells);
+    const law = [c.law && symbols(c.law), valuesText(c)].filter(Boolean).join('  ·  ');
+    return el('tbody', {class: c.passes ? 'passes' : 'fails', 'data-effect': c.effect},
+      el('tr', {}, cells), el('tr', {class: 'law'}, el('td', {colspan: 4}, law)));
   }
 
   const place = (c) => (c.equation && c.equation !== 'mechanical'
     ? el('span', {class: 'tag'}, c.equation) : null);
 
   function valuesText(c) {
+    const largest = {};
+    c.parameters.forEach((p) => {
+      largest[p.unit] = Math.max(largest[p.unit] || 0, Math.abs(p.value), p.sigma || 0);
+    });
     return c.parameters.map((p) => {
-      const [factor, letter] = prefix(Math.abs(p.value), p.unit);
+      const [factor, letter] = prefix(largest[p.unit], p.unit);
       const [value, sigma] = withSigma(p.value === null ? null : p.value * factor, p.sigma && p.sigma * factor);
       const unit = `${letter}${unitText(p.unit)}`;
       return `${symbols(p.name)} = ${value}${sigma ? ` ± ${sigma}` : ''}${unit ? ` ${unit}` : ''}`;
@@ -173,7 +178,7 @@ function parameterRow(p, step) {
 /** How wrong the value was in M0, in words. */
 function baseText(p) {
   if (p.base === null) return p.effect ? el('b', {class: 'ok'}, 'new') : '';
-  if (!p.value) return p.base === p.value ? '' : `M0: ${digits(p.base)}`;
+  if (Math.abs(p.value) <= 3 * (p.sigma || 0)) return p.base === p.value ? '' : `M0: ${digits(p.base)}`;
   const ratio = p.base / p.value;
   const off = Math.abs(ratio - 1);
   if (off < 2e-3) return 'as in M0';

@@ -30,8 +30,8 @@ function drawWhy({title, reasons, warnings}, told) {
   why.hidden = !lines.length;
   if (!lines.length) return;
   const more = lines.length > 1 ? ` (${lines.length - 1} more)` : '';
-  $('summary', why).replaceChildren(`Why: ${lines[0]}`, el('span', {class: 'count'}, more));
-  $('ul', why).replaceChildren(...lines.slice(1).map((line) => el('li', {}, line)));
+  $('summary', why).replaceChildren(`Why: ${symbols(lines[0])}`, el('span', {class: 'count'}, more));
+  $('ul', why).replaceChildren(...lines.slice(1).map((line) => el('li', {}, symbols(line))));
 }
 
 /** Whether a model is as good as its data: at the noise floor, and nothing improves it. */
@@ -63,10 +63,11 @@ function drawNow(view, step) {
 /** The candidate that was taken, else the best that passes. */
 const bestOf = (s) => s.candidates.find((c) => c.added) || s.candidates.find((c) => c.passes);
 
-/** The regime with the most error for its time, if one stands out. */
+/** The regime with the most error beyond its share of time, if one stands out. */
 function worstRegime(s) {
   const rows = s.regimes.filter((r) => r.time_share > 0 && r.error_share >= 0.05);
-  const [worst] = rows.sort((a, b) => b.error_share / b.time_share - a.error_share / a.time_share);
+  const excess = (r) => r.error_share - r.time_share;
+  const [worst] = rows.sort((a, b) => excess(b) - excess(a));
   if (!worst) return [];
   if (worst.error_share / worst.time_share < 1.25) return ['Spread evenly over the regimes. '];
   return ['Worst at ', el('b', {}, worst.name),
