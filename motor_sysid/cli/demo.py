@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from datetime import datetime
 from pathlib import Path
 import random
+import signal
 import sys
 import time
 from typing import TYPE_CHECKING
@@ -52,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the demo; returns the exit code."""
     begin = time.monotonic()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the nodes end in order
     _check(args)
     out = args.out or Path(f'demo_{datetime.now().astimezone():%Y%m%d_%H%M%S}')
     if (out / 'bag').exists():

@@ -2,7 +2,10 @@
 
 from dataclasses import dataclass
 from pathlib import Path
+import time
 
+from motor_sysid.cli.common import load_data, progress, write_json
+from motor_sysid.cli.diagnose import summary
 from motor_sysid.physics.model import Model
 
 
@@ -30,5 +33,28 @@ class Demo:
 
 
 def finish(demo: Demo) -> int:
-    """Diagnose the bag and say where the results lie; returns the exit code."""
+    """Diagnose the bag as anyone would, without being told what is hidden; write the results."""
+    from motor_sysid.diagnosis import diagnose
+    from motor_sysid.diagnosis.diagnose import with_seconds
+    from motor_sysid.diagnosis.document import diagnosis_document
+    from motor_sysid.physics.store import save_model
+    from motor_sysid.workbench.report import write_report
+
+    records = load_data([demo.bag], None)
+    began = time.perf_counter()
+    found = diagnose(
+        records,
+        motor=demo.nominal.motor,
+        nominal=demo.nominal.parameters.values(),
+        progress=progress(),
+    )
+    found = with_seconds(found, time.perf_counter() - began)
+    print('\n'.join(summary(found)))
+    document = diagnosis_document(found)
+    save_model(found.model, demo.out / 'model.yaml')
+    page = write_report(found, demo.out / 'report.html')
+    print(f'\nbag:    {demo.bag}\nmodel:  {demo.out / "model.yaml"}\nreport: {page}')
+    write_json(document, demo.out / 'diagnosis.json')
+    write_json(document, demo.json)
+    print(f'The whole demo took {time.monotonic() - demo.begin:.0f} s.')
     return 0
