@@ -1,4 +1,9 @@
-"""Estimated parameters as a vector: logarithms where the box is positive, else the values."""
+"""Estimated parameters as a vector: logarithms of what must be positive, else the values.
+
+Data tell the size of a small friction, not its logarithm: a filter that has learned the logarithm
+of ten times too large a friction to 5 % would hold on to 5 % when the value falls.  So what may
+be as good as zero is taken as it is.
+"""
 
 from collections.abc import Sequence
 
@@ -8,6 +13,9 @@ from numpy.typing import NDArray
 from motor_sysid.physics.parameters import Parameter
 
 Array = NDArray[np.float64]
+
+VANISHING = 1e-11
+"""A box that reaches below this (SI) is that of a parameter which may as well be zero."""
 
 
 class Coordinates:
@@ -22,9 +30,22 @@ class Coordinates:
     def __init__(self, parameters: Sequence[Parameter]) -> None:
         self.parameters = tuple(parameters)
         self.names = tuple(p.name for p in parameters)
-        self.log = np.array([p.logarithmic for p in parameters], dtype=bool)
+        self.log = np.array([p.lower > VANISHING for p in parameters], dtype=bool)
         self.lower = self.vector([p.lower for p in parameters])
         self.upper = self.vector([p.upper for p in parameters])
+
+    def reach(self, start: Array, factor: float, spread: Array) -> tuple[Array, Array]:
+        """Return the coordinates that may be reached from `start`.
+
+        Parameters
+        ----------
+        start, spread:
+            (d,) start and its uncertainty.
+        factor:
+            Largest change of what must be positive; the others may go as many `spread` less one.
+        """
+        way = np.where(self.log, np.log(factor), (factor - 1) * spread)
+        return np.maximum(self.lower, start - way), np.minimum(self.upper, start + way)
 
     def vector(self, values: Sequence[float]) -> Array:
         """Return the coordinates of values."""
@@ -39,7 +60,3 @@ class Coordinates:
     def slope(self, z: Array) -> Array:
         """Return the derivative of each value by its coordinate."""
         return np.where(self.log, np.exp(np.where(self.log, z, 0.0)), 1.0)
-
-    def clipped(self, z: Array) -> Array:
-        """Return the coordinates moved into the box."""
-        return np.asarray(np.clip(z, self.lower, self.upper), dtype=np.float64)

@@ -1,9 +1,13 @@
 """Extended Kalman filter over the motion and, jointly, its parameters.
 
-The state is that of the motor kind, followed by the estimated parameters (logarithms of positive
-ones) and sensor offsets.  The step is the simulator's own, exact for the linear motor, and its
-Jacobian a central difference of it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint
-filter; filterpy does the measurement update in Joseph's form.)
+The state is that of the motor kind, followed by the estimated parameters and sensor offsets.  The
+step is the simulator's own, exact for the linear motor, and its Jacobian a central difference of
+it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint filter; filterpy does the measurement
+update in Joseph's form.)
+
+From a wrong start an extended filter soon believes itself too much.  Two things keep it honest:
+no sample may move a parameter far, and while innovations stay too large or keep their sign the
+covariance grows (Zhou and Frank, Int. J. Control 65, 1996, on such tracking filters).
 """
 
 from collections.abc import Sequence
@@ -25,8 +29,8 @@ Array = NDArray[np.float64]
 _GROWTH = 1.1
 _KNOWN = 0.5
 _DOUBT = 1.03
-_REACH_LOG = 2.5
-_REACH = 4.0
+_REACH = 5.0
+_STRIDE = 0.3
 
 
 class Ekf(OnlineEstimator):
@@ -38,6 +42,13 @@ class Ekf(OnlineEstimator):
         See `OnlineEstimator`.
     estimated:
         Names of the parameters to estimate; by default the free ones.
+
+    Attributes
+    ----------
+    nis:
+        Normalized innovation squared of the last sample.
+    lost:
+        How often the filter had to begin anew because a number was no longer finite.
     """
 
     def __init__(
@@ -51,36 +62,41 @@ class Ekf(OnlineEstimator):
         names = [p.name for p in model.parameters.free] if estimated is None else list(estimated)
         delays = [f'{key}.{effect(key).card.delay}' for key in model.effects]
         biases = [o.bias for o in model.kind.outputs if o.bias in names]
-        dynamic = [name for name in names if name not in delays and name not in biases]
-        self.model, self._dt, self._tuning = model, dt, tuning
-        self.coordinates = Coordinates([model.parameters[n] for n in (*dynamic, *biases)])
-        self._reported = names
-        self.motion = Motion(model, Coordinates([model.parameters[n] for n in dynamic]))
-        self._sensing = Sensing(model, outputs, self.coordinates.names[len(dynamic) :], tuning)
-        self._n, self._p, self._d = len(model.kind.states), len(dynamic), len(names)
+        moved = [name for name in names if name not in delays and name not in biases]
+        self.model, self._dt, self._tuning, self._reported = model, dt, tuning, names
+        self._coordinates = Coordinates([model.parameters[n] for n in (*moved, *biases)])
+        self.motion = Motion(model, Coordinates([model.parameters[n] for n in moved]))
+        self._sensing = Sensing(model, outputs, biases, tuning)
+        self._n, self._p = len(model.kind.states), len(moved)
         self._unit = Sizes.per_unit(model)
-        self._size, self._seen = 0.0, np.zeros(self._n)
-        self._d = self._n + len(self.coordinates.names)
-        self._filter = ExtendedKalmanFilter(self._d, max(len(outputs), 1))
-        self._filter.x = np.concatenate([np.zeros(self._n), self.coordinates.vector(
-            [model[name] for name in self.coordinates.names])])
-        self._start = self._filter.x[self._n :].copy()
-        self._filter.P = np.zeros((self._d, self._d))
-        self._prior = np.zeros(self._d - self._n)
-        self.nis = 0.0
+        self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
+        self._filter = ExtendedKalmanFilter(self._n + self._start.size, max(len(outputs), 1))
+        self.nis, self.lost = 0.0, 0
+        self._begin()
+
+    def _begin(self) -> None:
+        """Forget all data."""
+        n, size = self._n, self._n + self._start.size
+        self._index = np.arange(n, size)
+        self._filter.x = np.concatenate([np.zeros(n), self._start])
+        self._filter.P = np.zeros((size, size))
+        self._prior = np.zeros(size - n)
+        self._size, self._seen = 0.0, np.zeros(n)
+        self._sizes = self._unit.seen(0.0, self._seen)
+        self._box = self._coordinates.reach(self._start, _REACH, self._prior)
+        self.motion.forget()
 
     def restart(self, y: Array) -> None:
         """Take up the motion from measured outputs; parameters keep what is known of them."""
-        x, p = self._filter.x, self._filter.P
-        state, sigma = self._sensing.start(y, x, self._n, self._size * self._unit.state)
-        x[: self._n] = state
-        p[: self._n, :] = 0.0
-        p[:, : self._n] = 0.0
-        p[: self._n, : self._n] = np.diag(sigma**2)
+        n, f = self._n, self._filter
+        state, sigma = self._sensing.start(y, f.x, n, self._sizes.state)
+        f.x[:n] = state
+        f.P[:n, :] = f.P[:, :n] = 0.0
+        f.P[:n, :n] = np.diag(sigma**2)
         self.motion.forget()
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
-        """Predict, remember the prediction, and correct."""
+        """Predict, note the prediction, and correct."""
         self._grow(u, y)
         before = self._filter.x[: self._n].copy()
         if self._size == 0.0:
@@ -88,7 +104,13 @@ class Ekf(OnlineEstimator):
             return self._sensing.outputs(before, self._filter.x, h)
         self._predict(time, h, u)
         predicted = self._sensing.outputs(before, self._filter.x, h)
-        self._correct(h, y)
+        if np.all(np.isfinite(self._filter.P)) and np.all(np.isfinite(self._filter.x)):
+            self._correct(h, y)
+        else:
+            self.lost += 1
+            self._begin()
+            self._grow(u, y)
+            self.restart(y)
         return predicted
 
     def _grow(self, u: Array, y: Array) -> None:
@@ -96,93 +118,85 @@ class Ekf(OnlineEstimator):
         size = max(self._size, float(np.max(np.abs(u))))
         seen = np.fmax(self._seen, np.abs(self._sensing.states(y)))
         sizes = self._unit.seen(size, seen)
-        known = self._unit.seen(self._size, self._seen)
-        grown = np.any(sizes.state > _GROWTH * known.state) or size > _GROWTH * self._size
-        if size == 0.0 or not grown:
+        if size <= _GROWTH * self._size and np.all(sizes.state <= _GROWTH * self._sizes.state):
             return
-        fresh = prior_sigma(self.model, self.coordinates.names, sizes, self._dt)
-        added = np.maximum(fresh**2 - self._prior**2, 0.0)
-        index = np.arange(self._n, self._d)
-        self._filter.P[index, index] += added
+        fresh = prior_sigma(self.model, self._coordinates.names, sizes, self._dt)
+        self._filter.P[self._index, self._index] += np.maximum(fresh**2 - self._prior**2, 0.0)
         self._prior = np.maximum(fresh, self._prior)
         self._size, self._seen, self._sizes = size, seen, sizes
+        self._box = self._coordinates.reach(self._start, _REACH, self._prior)
         self._sensing.begin(sizes.state, self._dt)
 
     def _predict(self, time: float, h: float, u: Array) -> None:
-        n, p = self._n, self._p
-        x = self._filter.x
-        z = x[n : n + p]
-        steps = np.concatenate([
-            1e-6 * (self._sizes.state + np.abs(x[:n])),
-            np.where(self.motion_log, 1e-4, 1e-3 * self._prior[:p]),
-        ])
-        move = self.motion.advance(x[:n], z, steps, u, time, h)
-        jacobian = np.eye(self._d)
+        n, p, f = self._n, self._p, self._filter
+        state_steps = 1e-6 * (self._sizes.state + np.abs(f.x[:n]))
+        steps = np.where(self._coordinates.log[:p], 1e-4, 1e-3 * self._prior[:p])
+        move = self.motion.advance(
+            f.x[:n], f.x[n : n + p], np.concatenate([state_steps, steps]), u, time, h
+        )
+        jacobian = np.eye(f.x.size)
         jacobian[:n, :n] = move.by_state
         jacobian[:n, n : n + p] = move.by_parameter
-        self._filter.F = jacobian
-        self._filter.Q = self._process_noise(move.by_force, h)
-        self._filter.x = np.concatenate([move.state, x[n:]])
-        covariance = jacobian @ self._filter.P @ jacobian.T + self._filter.Q
-        self._filter.P = 0.5 * (covariance + covariance.T)
-
-    @property
-    def motion_log(self) -> NDArray[np.bool_]:
-        """Which of the moved parameters are logarithms."""
-        return self.coordinates.log[: self._p]
+        f.F, f.Q = jacobian, self._process_noise(move.by_force, h)
+        f.x = np.concatenate([move.state, f.x[n:]])
+        covariance = jacobian @ f.P @ jacobian.T + f.Q
+        f.P = 0.5 * (covariance + covariance.T)
 
     def _process_noise(self, by_force: Array, h: float) -> Array:
-        """Unexplained forces, and parameters that wander as long as they are well known."""
-        n, tuning = self._n, self._tuning
-        q = np.zeros((self._d, self._d))
-        kick = by_force * (tuning.disturbance * self._sizes.force * np.sqrt(1e-3 / h))
+        """Unexplained forces, and parameters that wander unless they are as good as unknown."""
+        n, index, f = self._n, self._index, self._filter
+        q: Array = np.zeros((f.x.size, f.x.size))
+        kick = by_force * (self._tuning.disturbance * self._sizes.force * np.sqrt(1e-3 / h))
         q[:n, :n] = kick @ kick.T
-        index = np.arange(n, self._d)
-        room = 1.0 - self._filter.P[index, index] / self._prior**2
-        q[index, index] = (tuning.drift * self._prior) ** 2 * h * np.maximum(room, 0.0)
+        room = 1.0 - f.P[index, index] / self._prior**2
+        q[index, index] = (self._tuning.drift * self._prior) ** 2 * h * np.maximum(room, 0.0)
         return q
 
     def _correct(self, h: float, y: Array) -> None:
         f = self._filter
-        z, rows, noise = self._sensing.measured(y, f.x, h)
+        z, rows = self._sensing.measured(y, f.x, h)
         if z.size == 0:
             return
         innovation = z - rows @ f.x
-        spread = np.einsum('ij,jk,ik->i', rows, f.P, rows)
-        noise, doubt = self._sensing.judge(innovation, spread)
+        noise, doubt = self._sensing.judge(innovation, np.einsum('ij,jk,ik->i', rows, f.P, rows))
         if doubt:
-            self._widen(_DOUBT)
+            self._widen()
+        noise = self._cautious(rows, innovation, noise)
         f.update(z, lambda x: rows, lambda x: rows @ x, np.diag(noise))
         f.P = 0.5 * (f.P + f.P.T)
+        f.x[self._n :] = np.clip(f.x[self._n :], *self._box)
         self.nis = float(f.y @ np.linalg.solve(f.S, f.y))
-        n = self._n
-        reach = np.where(self.coordinates.log, _REACH_LOG, _REACH * self._prior)
-        moved = np.clip(f.x[n:], self._start - reach, self._start + reach)
-        f.x[n:] = self.coordinates.clipped(moved)
 
-    def _widen(self, factor: float) -> None:
+    def _widen(self) -> None:
         """Trust the prediction less, but no parameter less than before any data."""
         f = self._filter
-        f.P = f.P * factor
-        index = np.arange(self._n, self._d)
-        over = np.sqrt(np.maximum(f.P[index, index] / self._prior**2, 1.0))
-        shrink = np.concatenate([np.ones(self._n), 1.0 / over])
-        f.P = shrink[:, np.newaxis] * f.P * shrink
+        over = _DOUBT * f.P[self._index, self._index] / self._prior**2
+        scale = np.full(f.x.size, np.sqrt(_DOUBT))
+        scale[self._index] /= np.sqrt(np.maximum(over, 1.0))
+        f.P = scale[:, np.newaxis] * f.P * scale
+
+    def _cautious(self, rows: Array, innovation: Array, noise: Array) -> Array:
+        """Return noise so much larger that no parameter moves far in this sample."""
+        cross = self._filter.P @ rows.T
+        total = rows @ cross + np.diag(noise)
+        move = np.abs(cross[self._n :] @ np.linalg.solve(total, innovation))
+        limit = np.where(self._coordinates.log, _STRIDE, _STRIDE * self._prior)
+        ratio = float(np.max(move / limit, initial=1.0))
+        return np.asarray(noise + (ratio - 1.0) * np.diag(total))
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters with their standard deviations."""
         z = self._filter.x[self._n :]
-        values, slope = self.coordinates.values(z), self.coordinates.slope(z)
-        index = np.arange(self._n, self._d)
-        spread = np.sqrt(np.maximum(self._filter.P[index, index], 0.0))
+        values, slope = self._coordinates.values(z), self._coordinates.slope(z)
+        spread = np.sqrt(np.maximum(self._filter.P[self._index, self._index], 0.0))
+        sigma = np.where(self._prior > 0, spread * slope, np.inf)
         known = spread < _KNOWN * self._prior
         found: dict[str, Estimate] = {}
         for name in self._reported:
             p = self.model.parameters[name]
-            if name in self.coordinates.names:
-                k = self.coordinates.names.index(name)
-                sigma = float(spread[k] * slope[k]) if self._size else np.inf
-                found[name] = Estimate(float(values[k]), sigma, p.unit, bool(known[k]))
+            if name in self._coordinates.names:
+                k = self._coordinates.names.index(name)
+                found[name] = Estimate(float(values[k]), float(sigma[k]), p.unit, bool(known[k]))
             else:
                 found[name] = Estimate(p.value, p.sigma or np.inf, p.unit, False)
         return found

@@ -110,8 +110,8 @@ class Sensing:
             y[j] = (now - before[target]) / h if self._differenced[j] else now + self._offset(j, x)
         return y
 
-    def measured(self, y: Array, x: Array, h: float) -> tuple[Array, Array, Array]:
-        """Return measurements (k,), their rows (k, d) of the state, and noise variances (k,)."""
+    def measured(self, y: Array, x: Array, h: float) -> tuple[Array, Array]:
+        """Return measurements (k,) and their rows (k, d) of the state."""
         values = np.array(y)
         for j, differenced in enumerate(self._differenced):
             if differenced:
@@ -127,7 +127,7 @@ class Sensing:
                 rows[k, x.size - len(self._biases) + self._biases.index(self._bias[j])] = 1.0
             elif self._bias[j]:
                 values[j] -= self._model[self._bias[j]]
-        return values[self._rows], rows, self._noise[self._rows]
+        return values[self._rows], rows
 
     def _see_quantum(self, values: Array) -> None:
         """Note the smallest change of each signal: noise cannot be less than rounding."""

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from motor_sysid.estimation.online.coordinates import VANISHING
 from motor_sysid.physics.effect import Amplitude
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -63,8 +64,9 @@ class Sizes:
 def prior_sigma(model: Model, names: Sequence[str], sizes: Sizes, dt: float) -> Array:
     """Return the standard deviation of each coordinate before any data.
 
-    A known sigma is taken (2 % at least); without one, a positive parameter is good to a factor of
-    two, an amplitude to half of its scale, an offset to a tenth of its signal.
+    A known sigma is taken (2 % at least); without one, what must be positive is good to a factor
+    of two, friction to its own value, an amplitude to half of its scale, an offset to a tenth of
+    its signal.
     """
     typical = _scales(model, sizes, dt)
     spread = {
@@ -80,13 +82,12 @@ def prior_sigma(model: Model, names: Sequence[str], sizes: Sizes, dt: float) -> 
 
 def _spread(model: Model, name: str, spread: dict[str, float]) -> float:
     p = model.parameters[name]
-    size = spread.get(name, abs(p.value) or 1.0)
-    if p.logarithmic:
-        size = p.value
+    logarithm = p.lower > VANISHING
+    size = p.value if logarithm else spread.get(name, abs(p.value) or 1.0)
     if p.sigma is not None and np.isfinite(p.sigma) and p.sigma > 0:
         known = max(p.sigma, _LEAST * size)
-        return float(known / size if p.logarithmic else known)
-    return _PRIOR_LOG if p.logarithmic else size
+        return float(known / size if logarithm else known)
+    return _PRIOR_LOG if logarithm else size
 
 
 def _scales(model: Model, sizes: Sizes, dt: float) -> Scales:
