@@ -1,0 +1,306 @@
+"""A motor simulated the hard way, and on purpose with nothing of `motor_sysid.physics`.
+
+Classical Runge-Kutta steps, at least two in an electrical time constant and never longer than
+`LONGEST_STEP`.  Dry friction and brushes are true signs: in a step both signs are held, the
+instant at which speed or current passes through zero is found, the step is cut there, and the
+part that is at rest stays there until the other forces exceed what holds it (Karnopp 1985,
+doi:10.1115/1.3140698, without his dead zone).
+"""
+
+from dataclasses import dataclass
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.benchmark.plant import Plant
+
+Array = NDArray[np.float64]
+
+LONGEST_STEP = 40e-6
+"""s."""
+
+_I, _OMEGA, _THETA, _OMEGA_L, _THETA_L, _HEAT = range(6)
+_CUTS = 8
+
+
+@dataclass(frozen=True)
+class Control:
+    """Where the voltage comes from.
+
+    Attributes
+    ----------
+    reference:
+        (N,) voltage in V, or with a controller speed in rad/s.
+    kp, ki:
+        Gains of a PI speed controller, V s/rad and V/rad; both zero for open loop.
+    limit:
+        Largest voltage, V.
+    resolution:
+        Step of the voltage that the PWM can set, V.
+    counts:
+        Encoder counts per turn that the controller takes its speed from; 0: the true speed.
+    """
+
+    reference: Array
+    kp: float = 0.0
+    ki: float = 0.0
+    limit: float = np.inf
+    resolution: float = 0.0
+    counts: float = 0.0
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What really happened.
+
+    Attributes
+    ----------
+    voltage:
+        (N,) commanded voltage, held from each sample to the next, V.
+    current, speed, position:
+        (N,) at the sample times, A, rad/s, rad.
+    energy:
+        (N,) heat stored in the winding, J.
+    """
+
+    voltage: Array
+    current: Array
+    speed: Array
+    position: Array
+    energy: Array
+
+
+def run(
+    plant: Plant,
+    control: Control,
+    dt: float,
+    process_torque: Array | None = None,
+    start: Array | None = None,
+    substeps: int | None = None,
+) -> Truth:
+    """Simulate a motor.
+
+    Parameters
+    ----------
+    plant, control:
+        The motor and what drives it; ``control.reference`` gives the number of samples N.
+    dt:
+        Sample time, s.
+    process_torque:
+        (N,) random torque on the shaft, held over each sample, N m.
+    start:
+        (6,) current, speed, position, load speed, load position, stored heat; default: at rest.
+    substeps:
+        Steps per sample; by default as many as accuracy asks for.
+    """
+    count = control.reference.size
+    random = np.zeros(count) if process_torque is None else process_torque
+    state = np.zeros(6) if start is None else start.copy()
+    steps = substeps or steps_per_sample(plant, dt)
+    voltage, states = np.zeros(count), np.empty((count, 6))
+    _run(
+        Plant(*map(float, plant)), control.reference, float(control.kp), float(control.ki), float(control.limit),
+        float(control.resolution), float(control.counts), dt, steps, random, state, voltage, states,
+    )  # fmt: skip
+    return Truth(
+        voltage, states[:, _I], states[:, _OMEGA], states[:, _THETA], states[:, _HEAT]
+    )
+
+
+def steps_per_sample(plant: Plant, dt: float) -> int:
+    """Return the number of steps that resolves the electrical and the torsional time constants."""
+    longest = min(LONGEST_STEP, 0.5 * plant.L / plant.R)
+    if plant.share > 0:
+        small = plant.J * min(plant.share, 1 - plant.share)
+        longest = min(longest, 0.15 * np.sqrt(small / plant.stiffness), 0.3 * small / plant.damping)
+    return max(int(np.ceil(dt / longest)), 20)
+
+
+@njit(cache=True, error_model='numpy')
+def _run(  # type: ignore[no-untyped-def]
+    plant, reference, kp, ki, limit, resolution, counts, dt, steps, random, x, voltage, states
+):  # fmt: skip
+    """Fill `voltage` (N,) and `states` (N, 6)."""
+    work = np.empty((3, 6))
+    integral, before, h = 0.0, _count(x[_THETA], counts), dt / steps
+    for k in range(reference.size):
+        states[k] = x
+        u = reference[k]
+        if kp != 0.0:
+            speed = x[_OMEGA]
+            if counts > 0.0:
+                now = _count(x[_THETA], counts)
+                speed, before = (now - before) / dt, now
+            error = reference[k] - speed
+            u = kp * error + integral
+            if abs(u) < limit or u * error < 0.0:
+                integral += ki * error * dt
+        u = min(max(u, -limit), limit)
+        if resolution > 0.0:
+            u = resolution * np.floor(u / resolution + 0.5)
+        voltage[k] = u
+        for j in range(steps):
+            t = k * dt + j * h
+            late = _delayed(voltage, k, t + 0.5 * h - plant.delay, h, dt)
+            _advance(plant, x, late, t, h, random[k], work)
+
+
+@njit(cache=True, error_model='numpy')
+def _count(angle, counts):  # type: ignore[no-untyped-def]
+    """Angle in rad as an encoder shows it."""
+    if counts == 0.0:
+        return angle
+    step = 2.0 * np.pi / counts
+    return step * np.floor(angle / step)
+
+
+@njit(cache=True, error_model='numpy')
+def _delayed(voltage, newest, middle, h, dt):  # type: ignore[no-untyped-def]
+    """Mean voltage over the step of length `h` around the time `middle`."""
+    last = int(np.floor((middle + 0.5 * h) / dt + 1e-9))
+    first = int(np.floor((middle - 0.5 * h) / dt + 1e-9))
+    now = voltage[min(last, newest)] if last >= 0 else 0.0
+    if first == last:
+        return now
+    old = voltage[first] if first >= 0 else 0.0
+    part = (middle + 0.5 * h - last * dt) / h
+    return part * now + (1.0 - part) * old
+
+
+@njit(cache=True, error_model='numpy')
+def _advance(plant, x, u, t, h, random, work):  # type: ignore[no-untyped-def]
+    """Advance the state by one step, cut wherever speed or current passes through zero."""
+    left, new = h, work[2]
+    for _ in range(_CUTS):
+        moving, flowing = _signs(plant, x, u, t, random)
+        _step(plant, x, u, t, left, random, moving, flowing, work)
+        at_speed = _cut(x[_OMEGA], new[_OMEGA], moving)
+        at_current = _cut(x[_I], new[_I], flowing)
+        part = min(at_speed, at_current)
+        if part >= 1.0:
+            break
+        _step(plant, x, u, t, part * left, random, moving, flowing, work)
+        x[:] = new
+        x[_OMEGA if at_speed <= at_current else _I] = 0.0
+        t += part * left
+        left *= 1.0 - part
+    x[:] = new
+
+
+@njit(cache=True, error_model='numpy')
+def _cut(old, new, sign):  # type: ignore[no-untyped-def]
+    """Part of the step after which a value of that sign is zero; 1 if it does not get there."""
+    if new * sign >= 0.0:
+        return 1.0
+    return old / (old - new)
+
+
+@njit(cache=True, error_model='numpy')
+def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
+    """Signs of dry friction and brush drop over the next step; 0 where it rests or has none."""
+    moving = np.sign(x[_OMEGA])
+    if not _dry(plant):
+        moving = 0.0
+    elif moving == 0.0:
+        net = _torque(plant, x, t, random)
+        way = np.sign(net)
+        moving = way if abs(net) > _friction(plant, way, 0.0) else 0.0
+    flowing = np.sign(x[_I])
+    if plant.v_b == 0.0:
+        flowing = 0.0
+    elif flowing == 0.0:
+        net = u - plant.k * x[_OMEGA]
+        flowing = np.sign(net) if abs(net) > plant.v_b else 0.0
+    return moving, flowing
+
+
+@njit(cache=True, error_model='numpy')
+def _dry(plant):  # type: ignore[no-untyped-def]
+    return plant.tau_plus > 0.0 or plant.tau_minus > 0.0 or plant.tau_s > 0.0
+
+
+@njit(cache=True, error_model='numpy')
+def _friction(plant, way, speed):  # type: ignore[no-untyped-def]
+    """Size of the dry friction when moving that way, N m."""
+    size = plant.tau_plus if way > 0.0 else plant.tau_minus
+    if plant.tau_s > 0.0:
+        size += plant.tau_s * np.exp(-(abs(speed / plant.omega_s) ** plant.sharpness))
+    return size
+
+
+@njit(cache=True, error_model='numpy')
+def _twist(plant, x):  # type: ignore[no-untyped-def]
+    """Torque through the elastic shaft, N m."""
+    angle = x[_THETA] - x[_THETA_L]
+    beyond = angle - min(max(angle, -plant.gap), plant.gap)
+    if beyond == 0.0 and plant.gap > 0.0:
+        return 0.0
+    torque = plant.stiffness * beyond + plant.damping * (x[_OMEGA] - x[_OMEGA_L])
+    return torque if plant.gap == 0.0 or torque * beyond > 0.0 else 0.0
+
+
+@njit(cache=True, error_model='numpy')
+def _constant(plant, i):  # type: ignore[no-untyped-def]
+    """Torque and back-EMF constant at that current, N m/A."""
+    if plant.i_sat == 0.0:
+        return plant.k
+    return plant.k / np.sqrt(1.0 + (i / plant.i_sat) ** 2)
+
+
+@njit(cache=True, error_model='numpy')
+def _torque(plant, x, t, random):  # type: ignore[no-untyped-def]
+    """Torque on the rotor but for dry friction, N m."""
+    i, omega, theta = x[_I], x[_OMEGA], x[_THETA]
+    torque = _constant(plant, i) * i - plant.b * omega - plant.drag * omega * abs(omega)
+    torque += random - plant.tau_l
+    if plant.gravity != 0.0:
+        torque -= plant.gravity * np.sin(theta - plant.gravity_angle)
+    if plant.cogging != 0.0:
+        angle = plant.order * theta
+        torque += plant.cogging * np.sin(angle + plant.cogging_angle)
+        torque += plant.second * np.sin(2.0 * angle + plant.second_angle)
+    if t >= plant.step_time:
+        torque -= plant.step_torque
+    if plant.share > 0.0:
+        torque -= _twist(plant, x)
+    return torque
+
+
+@njit(cache=True, error_model='numpy')
+def _rates(plant, x, u, t, random, moving, flowing, out):  # type: ignore[no-untyped-def]
+    """Time derivatives (6,) of the state while both signs are held."""
+    inertia = plant.J
+    if t >= plant.inertia_time:
+        inertia *= 1.0 + plant.inertia_gain
+    resistance = plant.R * (1.0 + plant.heat * x[_HEAT])
+    emf = _constant(plant, x[_I]) * x[_OMEGA]
+    out[_I] = (u - resistance * x[_I] - emf - plant.v_b * flowing) / plant.L
+    if plant.v_b > 0.0 and flowing == 0.0:
+        out[_I] = 0.0
+    net = _torque(plant, x, t, random)
+    if moving != 0.0:
+        net -= moving * _friction(plant, moving, x[_OMEGA])
+    rests = moving == 0.0 and _dry(plant)
+    out[_OMEGA] = 0.0 if rests else net / (inertia * (1.0 - plant.share))
+    out[_THETA] = 0.0 if rests else x[_OMEGA]
+    out[_OMEGA_L] = _twist(plant, x) / (inertia * plant.share) if plant.share > 0.0 else 0.0
+    out[_THETA_L] = x[_OMEGA_L]
+    out[_HEAT] = resistance * x[_I] ** 2 - x[_HEAT] / plant.t_th
+
+
+@njit(cache=True, error_model='numpy')
+def _step(plant, x, u, t, h, random, moving, flowing, work):  # type: ignore[no-untyped-def]
+    """One classical Runge-Kutta step; the new state is left in ``work[2]``."""
+    k, at, new = work
+    _rates(plant, x, u, t, random, moving, flowing, k)
+    new[:] = x + h / 6.0 * k
+    at[:] = x + 0.5 * h * k
+    _rates(plant, at, u, t, random, moving, flowing, k)
+    new += h / 3.0 * k
+    at[:] = x + 0.5 * h * k
+    _rates(plant, at, u, t, random, moving, flowing, k)
+    new += h / 3.0 * k
+    at[:] = x + h * k
+    _rates(plant, at, u, t, random, moving, flowing, k)
+    new += h / 6.0 * k
