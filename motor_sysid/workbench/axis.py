@@ -152,5 +152,5 @@ def _continues(before: Record, after: Record) -> bool:
 
 def _round_up(time: float, span: float) -> float:
     """Round up to a step at which the ticks of the next record are round numbers too."""
-    step = next((s for limit, s in ((3, 0.1), (30, 1.0), (150, 5.0)) if span < limit), 10.0)
+    step = next((s for limit, s in ((10, 0.1), (300, 1.0)) if span < limit), 10.0)
     return float(np.ceil(time / step) * step)

@@ -32,6 +32,7 @@ from motor_sysid.workbench.words import (
     number,
     source_name,
     verdict_title,
+    with_titles,
 )
 
 
@@ -115,7 +116,9 @@ def _verdict(diagnosis: Diagnosis, titles: dict[str, str]) -> VerdictView:
         'effects': [named(key, titles) for key in diagnosis.effects],
         'reasons': list(diagnosis.reasons),
         'warnings': list(diagnosis.warnings),
-        'experiment': None if diagnosis.experiment is None else dict(diagnosis.experiment),
+        'experiment': None
+        if diagnosis.experiment is None
+        else {key: with_titles(text, titles) for key, text in diagnosis.experiment.items()},
         'seconds': number(diagnosis.seconds),
     }
 

@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 import math
 from pathlib import PurePath
+import re
 
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
 from motor_sysid.physics.effects import catalogue
@@ -50,10 +51,17 @@ def effect_titles(diagnosis: Diagnosis) -> dict[str, str]:
 
 def verdict_title(diagnosis: Diagnosis, titles: Mapping[str, str]) -> str:
     """Return the verdict in a few words, with the effects that it names."""
-    if diagnosis.verdict is Verdict.EFFECT_MISSING and diagnosis.effects:
-        effects = [named(key, titles)['title'] for key in diagnosis.effects]
-        return f'{VERDICTS[diagnosis.verdict]}: {in_words(effects)}'
+    effects = in_words([named(key, titles)['title'] for key in diagnosis.effects])
+    if diagnosis.verdict is Verdict.EFFECT_MISSING and effects:
+        return f'{VERDICTS[diagnosis.verdict]}: {effects}'
+    if diagnosis.verdict is Verdict.AMBIGUOUS and effects:
+        return f'Possibly missing: {effects}; another effect fits as well'
     return VERDICTS[diagnosis.verdict]
+
+
+def with_titles(text: str, titles: Mapping[str, str]) -> str:
+    """Replace the keys of effects in a text by their titles."""
+    return re.sub(r'\b[a-z]+(_[a-z]+)+\b', lambda found: titles.get(found[0], found[0]), text)
 
 
 def in_words(items: Sequence[str]) -> str:

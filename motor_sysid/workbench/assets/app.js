@@ -65,8 +65,6 @@ function play() {
 
 function fillControls() {
   const {view, traces} = page;
-  const judged = view.records.filter((r) => r.role !== 'train');
-  const stretches = view.records.map((r, k) => [r, k]);
   const press = (button) => $('#stretches').querySelectorAll('button').forEach((b) =>
     b.setAttribute('aria-pressed', String(b === button)));
   const choice = (text, from, to, on) => el('button', {type: 'button', 'aria-pressed': String(on),
@@ -74,11 +72,10 @@ function fillControls() {
       press(event.currentTarget);
       traces.go(from, to);
     }}, text);
-  const several = view.records.length > 1;
-  $('#stretches').replaceChildren(...(several
-    ? [choice('all', ...traces.all(), false), ...stretches.map(([r, k]) =>
-      choice(traces.stretchName(r, k), r.start, r.end, judged.length ? r === judged[0] && judged.length === 1 : false))]
-    : []));
+  const stretches = stretchesOf(view, traces);
+  const focused = ([, from, to]) => from === view.focus[0] && to === view.focus[1];
+  $('#stretches').replaceChildren(...(view.records.length > 1
+    ? [choice('all', ...traces.all(), false), ...stretches.map((s) => choice(...s, focused(s)))] : []));
   $('#panels').replaceChildren(...view.panels.slice(1).map((p) => el('label', {},
     el('input', {type: 'checkbox', checked: p.shown, onchange: (e) => traces.toggle(p.key, e.target.checked)}), p.title)));
   const outputs = traces.errorOutputs();
@@ -87,6 +84,18 @@ function fillControls() {
     el('option', {value: o, selected: o === view.primary}, o.replace(/_/g, ' '))));
   $('#error-of').onchange = (e) => traces.show({errorOf: e.target.value});
   fillGhosts();
+}
+
+/** What can be chosen to look at: every record if they are few and have names, else every role. */
+function stretchesOf(view, traces) {
+  const {records} = view;
+  const names = new Set(records.map((r) => r.label));
+  if (records.length <= 4 && names.size === records.length) {
+    return records.map((r) => [traces.stretchName(r), r.start, r.end]);
+  }
+  return ['train', 'validate'].map((role) => records.filter((r) => r.role === role))
+    .filter((own) => own.length)
+    .map((own) => [own[0].role === 'train' ? 'training' : 'held out', own[0].start, own.at(-1).end]);
 }
 
 function fillGhosts() {

@@ -90,7 +90,7 @@ function digits(value, count = 3) {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
   if (value === 0) return '0';
   const exponent = Math.floor(Math.log10(Math.abs(value)));
-  if (exponent < -3 || exponent > 5) return scaled(value, exponent, count - 1);
+  if (exponent < -3 || exponent > 4) return scaled(value, exponent, count - 1);
   return minus(value.toFixed(Math.max(0, count - 1 - exponent)));
 }
 const scaled = (value, exponent, places) =>
@@ -98,7 +98,8 @@ const scaled = (value, exponent, places) =>
 
 const percent = (value) => (value === null ? '–' : `${digits(value, value < 0.1 ? 2 : 3)} %`);
 /** A factor: 1.3×, 15×, 1600×. */
-const times = (value) => (value === null ? '–' : `${value < 10 ? value.toFixed(1) : Number(value.toPrecision(2))}×`);
+const times = (value) => (value === null ? '–'
+  : `${value < 10 ? value.toFixed(1) : value < 1e4 ? Number(value.toPrecision(2)) : digits(Number(value.toPrecision(2)), 2)}×`);
 const share = (value) => (value === null ? '–' : `${Math.round(100 * value)} %`);
 
 /** Value and sigma with one exponent, and as many digits as sigma deserves. */
@@ -106,7 +107,7 @@ function withSigma(value, sigma) {
   if (value === null) return ['–', ''];
   if (!sigma) return [Number.isInteger(value) && Math.abs(value) < 1e5 ? minus(String(value)) : digits(value, 4), ''];
   const size = Math.floor(Math.log10(Math.max(Math.abs(value), sigma)));
-  const exponent = size < -3 || size > 5 ? size : 0;
+  const exponent = size < -3 || size > 4 ? size : 0;
   const places = Math.min(7, Math.max(0, exponent - Math.floor(Math.log10(sigma)) + 1));
   const write = (v) => minus((v / 10 ** exponent).toFixed(places));
   const tail = exponent ? `·10${raise(exponent)}` : '';

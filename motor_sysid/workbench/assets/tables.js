@@ -47,7 +47,7 @@ function makeCandidates(view, onAct) {
     const change = now && after !== null ? (after - now) / now : null;
     const cells = [
       el('td', {class: 'rank', rowspan: 2}, rank === null ? '–' : String(rank)),
-      el('th', {scope: 'row'}, el('span', {class: 'title'}, cap(c.title)), place(c), notes(c)),
+      el('th', {scope: 'row'}, el('span', {class: 'title'}, cap(c.title)), place(c)),
       el('td', {class: 'evidence'}, c.curve ? sparkline(c) : ''),
       el('td', {class: 'change'}, changeText(now, after, change), changeBar(change, c.passes)),
       el('td', {class: 'bic'}, c.delta_bic === null ? '–' : signed(c.delta_bic)),
@@ -56,7 +56,7 @@ function makeCandidates(view, onAct) {
       'aria-label': `Add ${c.title}`, onclick: () => onAct('add', c.effect)}, 'Add')));
     const law = [c.law && symbols(c.law), valuesText(c)].filter(Boolean).join('  ·  ');
     return el('tbody', {class: c.passes ? 'passes' : 'fails', 'data-effect': c.effect},
-      el('tr', {}, cells), el('tr', {class: 'law'}, el('td', {colspan: 4}, law)));
+      el('tr', {}, cells), el('tr', {class: 'law'}, el('td', {colspan: 4}, notes(c), law)));
   }
 
   const place = (c) => (c.equation && c.equation !== 'mechanical'

@@ -25,6 +25,11 @@ function makeTraces(view) {
   let plots = [];
   let strip = null;
 
+  /* Points between two records belong to neither; what comes before one ends with itself. */
+  const inside = (t) => view.records.some((r) => t >= r.start && t <= r.end);
+  const joints = new Set(view.records.length > 1 ? Array.from(time.keys()).filter((k) => !inside(time[k])) : []);
+  const endOf = (k) => (k + 1 < time.length && !joints.has(k + 1) ? time[k + 1] : time[k]);
+
   const errorOutputs = () => Object.keys(steps[0].error);
   const nothing = () => new Array(time.length).fill(null);
 
@@ -270,9 +275,8 @@ function makeTraces(view) {
     const spans = [];
     for (let k = 0; k < time.length; k += 1) {
       if (mark.ids[k] !== mark.id) continue;
-      const end = k + 1 < time.length ? time[k + 1] : time[k];
-      if (spans.length && spans.at(-1)[1] === time[k]) spans.at(-1)[1] = end;
-      else spans.push([time[k], end]);
+      if (spans.length && spans.at(-1)[1] === time[k]) spans.at(-1)[1] = endOf(k);
+      else spans.push([time[k], endOf(k)]);
     }
     return spans;
   }
@@ -313,7 +317,7 @@ function makeTraces(view) {
       let last = k;
       while (last + 2 < time.length && regimes.ids[last + 1] === regimes.ids[k]) last += 1;
       strip.fillStyle = palette[`regime-${regimes.ids[k]}`];
-      strip.fillRect(x(time[k]), 18, Math.max(0.7, x(time[last + 1]) - x(time[k])), 12);
+      strip.fillRect(x(time[k]), 18, Math.max(0.7, x(endOf(last)) - x(time[k])), 12);
       k = last;
     }
   }

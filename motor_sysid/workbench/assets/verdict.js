@@ -6,7 +6,7 @@ function drawHeadline(view) {
   const [first, last] = [view.steps[0], view.steps.at(-1)];
   const fall = view.steps.length > 1
     ? [' Error ', el('b', {class: 'bad'}, brief(first.validation_error_percent)), ' → ',
-      el('b', {class: 'ok'}, brief(last.validation_error_percent)),
+      el('b', {class: settled(view, last) ? 'ok' : ''}, brief(last.validation_error_percent)),
       `, noise floor ${brief(view.noise_floor_percent)}.`]
     : [];
   $('#headline').replaceChildren(
@@ -23,8 +23,8 @@ function drawHeadline(view) {
 const brief = (value) => (value === null ? '–' : `${digits(value, 2)} %`);
 
 /** The reasons; the first one is left out where it only repeats the headline. */
-function drawWhy({title, reasons, warnings}, told) {
-  const repeats = told && reasons.length > 1 && reasons[0].startsWith(title);
+function drawWhy({reasons, warnings}, told) {
+  const repeats = told && reasons.length > 1 && reasons[0].startsWith('Missing:');
   const lines = [...(repeats ? reasons.slice(1) : reasons), ...warnings.map((w) => `Note: ${w}`)];
   const why = $('#why');
   why.hidden = !lines.length;
@@ -34,9 +34,10 @@ function drawWhy({title, reasons, warnings}, told) {
   $('ul', why).replaceChildren(...lines.slice(1).map((line) => el('li', {}, symbols(line))));
 }
 
-/** Whether a model is as good as its data: at the noise floor, and nothing improves it. */
-const settled = (view, s) => s.times_floor !== null && s.times_floor <= 1.3
-  && view.verdict.key !== 'unknown_effect' && !s.candidates.some((c) => c.passes);
+/** Whether a model is as good as its data: nothing improves it, and nothing but noise is left. */
+const settled = (view, s) => !s.candidates.some((c) => c.passes)
+  && (view.verdict.key === 'complete'
+    || (s.times_floor !== null && s.times_floor <= 1.3 && view.verdict.key !== 'unknown_effect'));
 
 const nothingPasses = (view, s) => (settled(view, s)
   ? ['No candidate improves it: ', el('b', {class: 'ok'}, 'stop here'), '.']
@@ -52,8 +53,9 @@ function drawNow(view, step) {
   parts.push(...worstRegime(s));
   const best = bestOf(s);
   if (best) {
-    const gain = 1 - best.validation_error_percent / s.validation_error_percent;
-    parts.push('Best explanation: ', el('b', {}, cap(best.title)), `, error ${MINUS}${Math.round(100 * gain)} %.`);
+    const change = Math.round(100 * (best.validation_error_percent / s.validation_error_percent - 1));
+    parts.push('Best explanation: ', el('b', {}, cap(best.title)),
+      Number.isFinite(change) ? `, error ${change > 0 ? '+' : MINUS}${Math.abs(change)} %.` : '.');
   } else if (s.candidates.length) {
     parts.push(...nothingPasses(view, s));
   }

@@ -7,7 +7,7 @@ const CURVE_HEIGHT = 122;
 function makeWhere(view, mark) {
   const map = view.map && {...view.map, ids: u16(view.map.ids), counts: u32(view.map.counts)};
   const layers = view.steps.map((s) => f32(s.map));
-  const heat = heatScale(map, layers);
+  const heat = heatScale(map, layers, view.channels.find((c) => c.key === view.primary)?.unit || '');
   let step = 0;
   const chosen = [null, null];
 
@@ -234,12 +234,14 @@ const reachOf = (curve) =>
   Math.max(...finite(f32(curve.mean)).map(Math.abs), ...finite(f32(curve.law)).map(Math.abs), 0);
 
 /** One colour scale for all models, so that the fall is seen: logarithmic, worst cells dark. */
-function heatScale(map, layers) {
+function heatScale(map, layers, unit) {
   const all = layers.map((layer) => quantile(layer, 0.98)).filter(Number.isFinite);
   const lows = layers.map((layer) => quantile(layer, 0.05)).filter(Number.isFinite);
   const high = Math.max(...all) > 0 ? Math.max(...all) : 1;
   const least = map && map.in_sigma ? 1 : Math.min(...lows, high);
   const low = Math.min(high / 2, Math.max(least, high / 60));
+  const [factor, letter] = prefix(high * (map ? map.scale : 1), unit);
+  const size = factor * (map ? map.scale : 1);
   let stops = [];
   const recolor = () => {
     stops = [0, 1, 2, 3].map((k) => palette[`heat-${k}`].match(/\w\w/g).map((h) => parseInt(h, 16)));
@@ -252,8 +254,8 @@ function heatScale(map, layers) {
     return `rgb(${mix.join(' ')})`;
   };
   const text = (value, bare) => {
-    if (!map || !map.in_sigma) return digits(value);
-    return bare ? times(value) : `${times(value)} sensor noise`;
+    if (map && map.in_sigma && high < 1000) return bare ? times(value) : `${times(value)} sensor noise`;
+    return `${digits(value * size)} ${letter}${unitText(unit)}`;
   };
   return {color, text, recolor, low, high};
 }
