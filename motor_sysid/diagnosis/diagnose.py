@@ -34,7 +34,9 @@ Progress = Callable[[str], None]
 
 RIVAL_BIC = 10.0
 RIVAL_SHARE = 0.02
-"""A rival is as good if its BIC is within 10, or within 2 % of the winner's gain."""
+AT_NOISE = 1.1
+"""A rival is as good if its BIC is within 10; or within 2 % of the winner's gain, where even the
+winner leaves more than noise: what remains may then favour either of them by chance."""
 
 SPECIAL_SHARE = 0.5
 """A special case goes first if it explains this share of what its generalisation explains."""
@@ -44,6 +46,9 @@ STRUCTURE = 0.25
 
 ABOVE_FLOOR = 1.3
 """Remaining error over sensor noise below which nothing more is looked for."""
+
+TOO_VAGUE = 2
+"""Base parameters that may not be undetermined together; inductance alone often is."""
 
 MIN_SAMPLES = 200
 
@@ -213,6 +218,7 @@ class _Engine:
             rung.held,
             (self.bench.train, self.bench.held),
             [late and name == 'speed' for name in self.bench.outputs],
+            likely_orders(rung.model, self.train_records),
         )
 
     def step(
@@ -258,7 +264,9 @@ def _winner(passing: Sequence[Trial]) -> Trial:
 
 def _rivals(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
     """Return the effects that explain the data as well as the winner does."""
-    margin = max(RIVAL_BIC, RIVAL_SHARE * winner.delta_bic)
+    margin = RIVAL_BIC
+    if winner.excess > AT_NOISE:
+        margin = max(margin, RIVAL_SHARE * winner.delta_bic)
     key = winner.key
     return tuple(
         t.key
@@ -276,7 +284,7 @@ def _verdict(
     rivals: Mapping[str, tuple[str, ...]],
 ) -> Verdict:
     base, final = ladder[0][0], ladder[-1][0]
-    if base.result.unidentifiable and len(base.result.unidentifiable) >= 3:
+    if len(base.result.unidentifiable) >= TOO_VAGUE:
         return Verdict.INSUFFICIENT_DATA
     structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
     if len(ladder) == 1:

@@ -74,6 +74,8 @@ class Trial:
         Share of held-out blocks in which the error fell.
     note:
         Why it does not pass, or empty.
+    excess:
+        Whitened variance that the refit leaves, in units of the noise; 1 where only noise is left.
     """
 
     scored: Scored
@@ -82,6 +84,7 @@ class Trial:
     gain_percent: float
     blocks: float
     note: str
+    excess: float
 
     @property
     def key(self) -> str:
@@ -157,7 +160,7 @@ def try_effect(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -
     """Refit a scored candidate with every parameter free and pass it through the gates."""
     variant = scored.variant
     if _impossible(scored):
-        return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL)
+        return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     model = _opened(variant.model, rung.model, scored)
     new = climb(model, bench, rung.result.weighting)
     before, rows = profile_cost(rung.model, bench, weighting)
@@ -167,7 +170,7 @@ def try_effect(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -
     gain = 100 * (1 - _combined(new.held, rung.held))
     blocks = _blocks_improved(rung.held, new.held)
     note = _gate(scored, new, rung, delta, gain, blocks)
-    return Trial(scored, new, float(delta), gain, blocks, note)
+    return Trial(scored, new, float(delta), gain, blocks, note, after / rows)
 
 
 def _impossible(scored: Scored) -> bool:

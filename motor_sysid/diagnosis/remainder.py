@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.estimation.batch import Chain
+from motor_sysid.estimation.batch.problem import Stretch
 from motor_sysid.signals.noise import noise_sigma
 
 Array = NDArray[np.float64]
@@ -52,6 +53,7 @@ def examine_remainder(
     held: Comparison,
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     differenced: Sequence[bool],
+    orders: Sequence[int],
 ) -> Remainder:
     """Examine the residual of a fitted model.
 
@@ -67,6 +69,8 @@ def examine_remainder(
         Chains of `training` and of `held`.
     differenced:
         For each output, whether its noise is that of differenced counts.
+    orders:
+        Waves per turn that stand out of the unexplained torque.
     """
     floor = []
     for j, late in enumerate(differenced):
@@ -80,15 +84,18 @@ def examine_remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
         float(100 * np.sqrt(np.mean((noise / size) ** 2))),
         float(np.max(error / np.maximum(noise, 1e-300))),
-        _predictable(training, held, chains),
+        _predictable(training, held, chains, orders),
     )
 
 
 def _predictable(
-    training: Comparison, held: Comparison, chains: tuple[Sequence[Chain], Sequence[Chain]]
+    training: Comparison,
+    held: Comparison,
+    chains: tuple[Sequence[Chain], Sequence[Chain]],
+    orders: Sequence[int],
 ) -> float:
-    x, y = _regression(training, chains[0])
-    xv, yv = _regression(held, chains[1])
+    x, y = _regression(training, chains[0], orders)
+    xv, yv = _regression(held, chains[1], orders)
     if len(x) < 4 * x.shape[1] or len(xv) < 20:
         return 0.0
     middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-12
@@ -103,7 +110,9 @@ def _predictable(
     return max(0.0, *shares)
 
 
-def _regression(comparison: Comparison, chains: Sequence[Chain]) -> tuple[Array, Array]:
+def _regression(
+    comparison: Comparison, chains: Sequence[Chain], orders: Sequence[int]
+) -> tuple[Array, Array]:
     """Return features of the simulated motion (K, f) and residuals (K, n_y)."""
     stretches = [s for chain in chains for s in chain if s.scored]
     rows, targets = [], []
@@ -115,10 +124,17 @@ def _regression(comparison: Comparison, chains: Sequence[Chain]) -> tuple[Array,
         if len(residual) <= 2 * longest:
             continue
         simulated = (measured - residual) / scale
-        drive = stretch.drive.inputs / (np.sqrt(np.mean(stretch.drive.inputs**2)) + 1e-300)
+        drive = stretch.drive.inputs[stretch.scored_from :]
+        drive = drive / (np.sqrt(np.mean(drive**2)) + 1e-300)
         channels = np.concatenate((drive, simulated), axis=1)
         shaped = np.concatenate(
-            (channels, np.tanh(20 * simulated), simulated * np.abs(simulated)), axis=1
+            (
+                channels,
+                np.tanh(20 * simulated),
+                simulated * np.abs(simulated),
+                _waves(stretch, len(channels), orders),
+            ),
+            axis=1,
         )
         lagged = [shaped[longest - lag : len(shaped) - lag] for lag in _LAGS]
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
@@ -131,3 +147,11 @@ def _regression(comparison: Comparison, chains: Sequence[Chain]) -> tuple[Array,
     if not rows:
         return np.empty((0, 1)), np.empty((0, comparison.residuals[0].shape[1]))
     return np.concatenate(rows), np.concatenate(targets)
+
+
+def _waves(stretch: Stretch, count: int, orders: Sequence[int]) -> Array:
+    """Return sines and cosines of multiples of the rotor angle, (N, 2 K); none without angle."""
+    angle = stretch.drive.position[stretch.scored_from :]
+    if angle.size == 0 or not orders:
+        return np.empty((count, 0))
+    return np.stack([f(n * angle) for n in (1, *orders) for f in (np.sin, np.cos)], axis=1)

@@ -24,6 +24,8 @@ Array = NDArray[np.float64]
 
 WINDOW = 11
 _DEGREE = 3
+_TOP_ORDER = 400
+_ANGLE_BINS = 8192
 
 
 def measured_states(model: Model, record: Record) -> dict[str, Array]:
@@ -148,31 +150,30 @@ def likely_orders(model: Model, records: Sequence[Record], count: int = 5) -> li
     The spectrum over rotor angle up to 400 waves per turn is divided by its own background (the
     median over neighbouring orders); order 1 belongs to gravity.
     """
-    top = 400
-    power = np.zeros(top + 1)
+    spectrum = np.zeros(_TOP_ORDER + 1)
     for record in records:
         even = record.uniform()
         lacking = unexplained(model, even).get('torque')
         angle = measured_states(model, even).get('theta') if lacking is not None else None
         if lacking is None or angle is None or np.ptp(angle) < 2 * np.pi:
             continue
-        usable = _slow_enough(model, even, top)
-        wave = np.exp(1j * angle[usable])
+        usable = _slow_enough(even)
         centred = lacking[usable] - np.mean(lacking[usable])
-        turning = np.ones_like(wave)
-        for n in range(1, top + 1):
-            turning = turning * wave
-            power[n] += np.abs(np.vdot(turning, centred)) ** 2
+        place = np.floor(np.mod(angle[usable], 2 * np.pi) * (_ANGLE_BINS / (2 * np.pi)))
+        turn = np.bincount(
+            place.astype(np.int64) % _ANGLE_BINS, weights=centred, minlength=_ANGLE_BINS
+        )
+        spectrum += np.abs(np.fft.rfft(turn)[: _TOP_ORDER + 1]) ** 2
     background = np.array(
-        [np.median(power[max(n - 12, 1) : n + 13]) + 1e-300 for n in range(top + 1)]
+        [np.median(spectrum[max(n - 12, 1) : n + 13]) + 1e-300 for n in range(_TOP_ORDER + 1)]
     )
-    height = power / background
+    height = spectrum / background
     height[:2] = 0.0
     peaks = [n for n in np.argsort(-height)[: 3 * count].tolist() if height[n] > 8.0]
     return peaks[:count]
 
 
-def _slow_enough(model: Model, record: Record, top: int) -> NDArray[np.bool_]:
+def _slow_enough(record: Record) -> NDArray[np.bool_]:
     """Samples that move less than a sixth of a turn per sample; all if that leaves too few."""
     speed = np.abs(measured_speed(record))
     usable: NDArray[np.bool_] = speed * record.dt < np.pi / 3

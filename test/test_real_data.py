@@ -1,0 +1,65 @@
+"""Real and independently simulated records: what the diagnosis says of them, in full.
+
+The data are not part of the project; the tests skip where they are absent.  Nothing in the project
+is tuned to them.
+"""
+
+import numpy as np
+import pytest
+import yaml
+
+from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
+from motor_sysid.physics.datasheet import load_datasheet
+from motor_sysid.recording import load
+
+CASES = {
+    'motor_a': ('quadratic_drag', Verdict.EFFECT_MISSING),
+    'motor_c': ('input_delay', Verdict.EFFECT_MISSING),
+    'motor_d': ('coulomb_friction', Verdict.EFFECT_MISSING),
+    'motor_e': (None, Verdict.COMPLETE),
+    'motor_h': ('cogging_torque', Verdict.EFFECT_MISSING),
+}
+
+
+@pytest.mark.parametrize('case', sorted(CASES))
+def test_hidden_effect_cases(case, data_dir):
+    folder = data_dir / 'hidden_effect_cases' / case
+    answers = yaml.safe_load((data_dir / 'hidden_effect_cases' / 'answers.yaml').read_text())
+    truth = answers[case]['validation']['error_of_true_model_percent']
+    floor = float(np.sqrt(np.mean(np.array(list(truth.values())) ** 2)))
+    sheet = load_datasheet(folder / 'datasheet.yaml')
+    train = [r for k in (1, 2) for r in load(folder / f'train_{k}.csv.gz').records]
+    found = diagnose(
+        train, load(folder / 'valid.csv.gz').records, motor=sheet.motor, nominal=sheet.nominal
+    )
+    effect, verdict = CASES[case]
+    assert found.verdict is verdict
+    assert found.effects == ((effect,) if effect else ())
+    assert found.steps[-1].validation_error_percent < 1.02 * floor
+    assert found.noise_floor_percent == pytest.approx(floor, rel=0.03)
+
+
+@pytest.fixture(scope='module')
+def emps(data_dir) -> Diagnosis:
+    loaded = load(data_dir / 'emps' / 'emps_train.csv.gz', 'emps')
+    return diagnose(loaded.records, motor='mechanical_axis')
+
+
+def test_emps_lacks_coulomb_friction_first_then_an_offset_or_direction(emps):
+    assert emps.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
+    assert emps.effects[0] == 'coulomb_friction'
+    assert emps.effects[1] in ('constant_load_torque', 'asymmetric_coulomb_friction')
+
+
+def test_emps_free_run_error_falls_tenfold(emps):
+    first, last = emps.steps[0], emps.steps[-1]
+    assert first.validation_error_percent > 10 * last.validation_error_percent
+    assert first.train_error_percent > 10 * last.train_error_percent
+
+
+def test_emps_parameters_are_those_of_the_literature(emps):
+    """Janot, Gautier, Brunot 2019: M 95.1 kg, Fv 203.5 N s/m, Fc 20.4 N."""
+    assert emps.model['J'] == pytest.approx(95.1, rel=0.03)
+    assert emps.model['b'] == pytest.approx(203.5, rel=0.1)
+    assert emps.model['coulomb_friction.tau_c'] == pytest.approx(20.4, rel=0.1)
+    assert emps.model.parameters['J'].unit == 'kg'
