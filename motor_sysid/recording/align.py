@@ -7,7 +7,7 @@ within a row is averaged over it, so that the volt-seconds stay right.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,6 +25,9 @@ Mask = NDArray[np.bool_]
 
 REGULAR = 3.0
 """A topic is sent at a rate if 90 % of its steps are below this many median steps."""
+NEARLY = 0.9
+"""Share of the most messages from which a topic counts as just as fast."""
+MEASURED = ('speed', 'position', 'current', 'current_q', 'current_a')
 REFERENCE_COVER = 0.5
 """A reference that covers less of the base clock than this is left out."""
 
@@ -43,27 +46,42 @@ class Series:
         (N,) ns.
     signals:
         Signal name to (N,) values in SI.
+    stamped:
+        Whether the stamps were set by the sender; else they are the times of reception.
     """
 
     topic: str
     stamps: Stamps
     received: Stamps
     signals: Mapping[str, Array]
+    stamped: bool = True
 
     def take(self, which: 'Mask | NDArray[np.intp] | slice') -> 'Series':
         """Return some of the messages."""
         signals = {name: values[which] for name, values in self.signals.items()}
-        return Series(self.topic, self.stamps[which], self.received[which], signals)
+        return replace(
+            self, stamps=self.stamps[which], received=self.received[which], signals=signals
+        )
 
 
 def choose_base(series: Sequence[Series], signal: str) -> Series:
-    """Return the series of the chosen signal, or the one with most messages."""
+    """Return the series of the chosen signal, or the one with most messages.
+
+    Of topics with about as many messages, the one that carries the speed (or else position or
+    current) is taken, so that measurements need not be interpolated.
+    """
     if signal:
         for one in series:
             if signal in one.signals:
                 return one
         raise UserError(f'base_clock `{signal}` is not in the data; leave it out or name another')
-    return max(series, key=lambda one: (one.stamps.size, 'speed' in one.signals))
+    most = max(one.stamps.size for one in series)
+    fast = [one for one in series if one.stamps.size >= NEARLY * most]
+    for name in MEASURED:
+        for one in fast:
+            if name in one.signals:
+                return one
+    return max(fast, key=lambda one: one.stamps.size)
 
 
 def align(
@@ -104,8 +122,7 @@ def _in_order(one: Series, findings: list[Finding]) -> Series:
     if order is None:
         return one
     findings.append(out_of_order(f'messages of {one.topic}', back))
-    sorted_times = np.sort(one.received)
-    return Series(one.topic, one.stamps[order], sorted_times, one.take(order).signals)
+    return replace(one.take(order), received=np.sort(one.received))
 
 
 def _epochs(series: Sequence[Series]) -> list[list[Series]]:
@@ -207,7 +224,8 @@ def _edges(time: Array) -> Array:
     """Start of every row and end of the last; a row does not reach over a gap."""
     if time.size < 2:
         return np.append(time, time[-1:] + 1e-3)
-    return np.append(time, time[-1] + np.median(np.diff(time)))
+    step = np.median(np.diff(time)) * (1 - 1e-6)  # so that rounding takes in no next sample
+    return np.append(time, time[-1] + step)
 
 
 def _covered(one: Series, stamps: Stamps) -> Mask:

@@ -18,6 +18,9 @@ from motor_sysid.recording.sources import MsgConfig, Source
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.units import did_you_mean, parse_unit
 
+NAMED = {'voltage': 'V', 'current': 'A', 'torque': 'N m', 'position': 'rad', 'speed': 'rad/s'}
+"""Words in the name of a topic that tell its signal, for examples in messages."""
+
 Chosen = dict[str, tuple[Source, Topic]]
 
 
@@ -51,7 +54,8 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     series = reader.series(chosen)
     units = {name: source.si_unit() for name, (source, _) in chosen.items()}
     rows, joined = align(series, choose_base(series, config.base_clock), units)
-    return rows, chosen, [*reader.findings, *clock_findings(series), *joined]
+    findings = [*_unread(bag, chosen), *reader.findings, *clock_findings(series), *joined]
+    return rows, chosen, findings
 
 
 def _topic(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
@@ -137,7 +141,8 @@ class _Reader:
             messages = self.messages[topic_name]
             stamps = self._stamps(source, topic)
             signals = {name: self._values(*chosen[name]) for name in names}
-            one = Series(topic_name, stamps, messages.received, signals)
+            stamped = source.stamp != 'receive'
+            one = Series(topic_name, stamps, messages.received, signals, stamped)
             found.append(self._without_holes(one))
             self._note_joints(topic, [chosen[name][0] for name in names])
         return [one for one in found if one.stamps.size]
@@ -160,7 +165,7 @@ class _Reader:
             )
         read = column(messages, self.types, topic.msgtype, path)
         stamps = read.values
-        if not path.endswith('stamp') or stamps.dtype != np.int64:
+        if not read.is_time:
             factor = parse_unit(source.stamp_unit).factor * 1e9
             stamps = np.round(stamps.astype(np.float64) * factor).astype(np.int64)
         if not np.any(stamps):
@@ -205,15 +210,55 @@ class _Reader:
             )  # fmt: skip
 
 
+def _unread(bag: Bag, chosen: Chosen) -> list[Finding]:
+    used = {topic.name for _, topic in chosen.values()}
+    left = [f'{t.name} ({t.msgtype})' for t in bag.topics.values() if t.name not in used]
+    if not left:
+        return []
+    return [
+        Finding(
+            Severity.INFO, 'unread_topics', f'topics not read: {", ".join(left)}',
+            '', 'name them in a msg_config file if they carry a signal', {'topics': len(left)},
+        )
+    ]  # fmt: skip
+
+
 def _nothing_found(bag: Bag, config: MsgConfig) -> str:
-    lines = '\n'.join(f'    {t.name}  ({t.msgtype})' for t in bag.topics.values())
+    """Return the message for a bag without any known topic, with the YAML that would help."""
+    lines = [f'    {topic.name}  ({topic.msgtype})' for topic in bag.topics.values()]
     wanted = ', '.join(dict.fromkeys(s.topic for s in config.all_sources() if s.topic)) or 'none'
-    first = next(iter(bag.topics.values()))
-    return (
-        f'{bag.path} has none of the topics named in {config.origin} ({wanted}). Its topics are\n'
-        f'{lines}\n'
-        '  Say which of them carries what in a msg_config file, given with --msg-config FILE:\n'
-        '  signals:\n'
-        f'    voltage: {{topic: {first.name}, field: vector.x, unit: V}}\n'
-        f'    speed: {{topic: {first.name}, field: "velocity[0]", unit: rad/s}}'
+    examples: dict[str, str] = {}
+    for topic in bag.topics.values():
+        for signal, source in _guess(topic):
+            examples.setdefault(signal, f'    {signal}: {{topic: {topic.name}, {source}}}')
+    examples = examples or {'': '    speed: {topic: /TOPIC, field: FIELD, unit: rad/s}'}
+    return '\n'.join(
+        [
+            f'{bag.path} has none of the topics named in {config.origin} ({wanted}). Its topics '
+            'are',
+            *lines,
+            '  Say which of them carries what in a msg_config file, given with --msg-config FILE, '
+            'for example',
+            '  signals:',
+            *examples.values(),
+        ]
     )
+
+
+def _guess(topic: Topic) -> list[tuple[str, str]]:
+    """Guess signals from the type and name of a topic, for an example."""
+    named = next((name for name in NAMED if name in topic.name.lower()), '')
+    unit = NAMED.get(named, 'rad/s')
+    signal = named or 'speed'
+    if topic.msgtype == 'sensor_msgs/msg/JointState':
+        return [
+            ('speed', "field: 'velocity[0]', unit: rad/s"),
+            ('position', "field: 'position[0]', unit: rad"),
+        ]
+    if topic.msgtype == 'sensor_msgs/msg/BatteryState':
+        return [('supply_voltage', 'field: voltage, unit: V')]
+    if topic.msgtype.endswith('/Vector3Stamped'):
+        return [(signal, f'field: vector.x, unit: {unit}')]
+    if topic.msgtype == 'std_msgs/msg/Float64':
+        return [(signal, f'field: data, unit: {unit}, stamp: receive')]
+    return []

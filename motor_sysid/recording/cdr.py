@@ -49,10 +49,21 @@ class Layout:
 
 @dataclass(frozen=True)
 class Column:
-    """(N,) values of one field, `present` where the message has it; times are int64 in ns."""
+    """One field of all messages.
+
+    Attributes
+    ----------
+    values:
+        (N,), integers as int64; times in ns.
+    present:
+        (N,) whether the message has the field.
+    is_time:
+        Whether it is a time.
+    """
 
     values: NDArray[np.float64] | NDArray[np.int64]
     present: NDArray[np.bool_]
+    is_time: bool
 
 
 def column(messages: Messages, types: Types, msgtype: str, path: str) -> Column:
@@ -61,17 +72,23 @@ def column(messages: Messages, types: Types, msgtype: str, path: str) -> Column:
     Raises
     ------
     UserError
-        If the type has no such field, or the field is no number or time.
+        If the type has no such field, the field is no number or time, or no message can be read.
     """
     steps = parse_path(path)
+    kind = _kind_of(types, msgtype, steps, path)
     values: NDArray[np.float64] | NDArray[np.int64] = np.zeros(len(messages), dtype=np.float64)
-    if _is_integer(types, msgtype, steps, path):
+    if kind == TIME or PRIMITIVES[kind][0] in 'iu':
         values = np.zeros(len(messages), dtype=np.int64)
+    unreadable = ''
     present = np.zeros(len(messages), dtype=bool)
     for rows, data in messages.groups():
         rest = np.arange(len(rows))
         while rest.size:
-            layout = find(data[rest[0]].tobytes(), types, msgtype, steps)
+            try:
+                layout = find(data[rest[0]].tobytes(), types, msgtype, steps)
+            except UserError as error:  # a damaged message is as good as none
+                unreadable, rest = str(error), rest[1:]
+                continue
             decisive = np.array(layout.decisive, dtype=np.intp)
             first = data[rest[0], decisive]
             same = np.all(data[np.ix_(rest, decisive)] == first, axis=1)
@@ -79,27 +96,52 @@ def column(messages: Messages, types: Types, msgtype: str, path: str) -> Column:
             if layout.kind:
                 values[rows[chosen]] = _take(data, chosen, layout)
                 present[rows[chosen]] = True
-    return Column(values, present)
+    if unreadable and not np.any(present):
+        raise UserError(f'`{path}` cannot be read from `{msgtype}`: {unreadable}')
+    return Column(values, present, kind == TIME)
 
 
 def find(data: bytes, types: Types, msgtype: str, steps: tuple[Step, ...]) -> Layout:
-    """Return where the value of a path lies in one message."""
+    """Return where the value of a path lies in one message.
+
+    Raises
+    ------
+    UserError
+        If the message ends before the value does.
+    """
     walk = _Walk(data, types)
-    kind = walk.locate(msgtype, steps)
+    try:
+        kind = walk.locate(msgtype, steps)
+        size = {TIME: 8, 'string': 4}.get(kind) or (int(kind[1]) if kind else 0)
+        if walk.position + size > len(data):
+            raise _ShortError
+    except _ShortError:
+        raise UserError(
+            f'a message of {len(data)} bytes is not a whole `{msgtype}`; check the type of the '
+            'topic, or whether the bag is damaged'
+        ) from None
     return Layout(kind, walk.position, walk.decisive)
 
 
 def text_of(data: bytes, types: Types, msgtype: str, path: str) -> str:
     """Return a string field of one message (empty if it is absent)."""
     walk = _Walk(data, types)
-    if walk.locate(msgtype, parse_path(path)) != 'string':
+    try:
+        return walk.string() if walk.locate(msgtype, parse_path(path)) == 'string' else ''
+    except _ShortError:
         return ''
-    return walk.string()
 
 
 def strings_of(data: bytes, types: Types, msgtype: str, name: str) -> list[str]:
     """Return an array of strings that stands directly in the message (empty if it is absent)."""
-    return _Walk(data, types).strings(msgtype, name)
+    try:
+        return _Walk(data, types).strings(msgtype, name)
+    except _ShortError:
+        return []
+
+
+class _ShortError(Exception):
+    """A message ends before its fields do."""
 
 
 class _Walk:
@@ -166,7 +208,7 @@ class _Walk:
         """Read a length prefix."""
         self.align(4)
         if self.position + 4 > len(self.data):
-            raise UserError('a message ends before its fields do; its type does not fit its bytes')
+            raise _ShortError
         (count,) = struct.unpack_from(f'{self.order}I', self.data, self.position)
         self.decisive += range(self.position, self.position + 4)
         self.position += 4
@@ -209,23 +251,19 @@ class _Walk:
 def _take(data: Bytes, rows: NDArray[np.intp], layout: Layout) -> NDArray[np.generic]:
     """Copy the value at a layout out of (n, length) bytes."""
     order = '<' if data[rows[0], 1] & 1 else '>'
-    kind = 'i4' if layout.kind == TIME else layout.kind
-    size = int(kind[1])
-    if layout.offset + size * (2 if layout.kind == TIME else 1) > data.shape[1]:
-        raise UserError('a message ends before its fields do; its type does not fit its bytes')
 
     def cut(start: int, code: str) -> NDArray[np.generic]:
         piece = data[rows, start : start + int(code[1])]
         return np.ascontiguousarray(piece).view(order + code).ravel()
 
     if layout.kind != TIME:
-        return cut(layout.offset, kind)
+        return cut(layout.offset, layout.kind)
     seconds = cut(layout.offset, 'i4').astype(np.int64)
     return seconds * 1_000_000_000 + cut(layout.offset + 4, 'u4').astype(np.int64)
 
 
-def _is_integer(types: Types, msgtype: str, steps: tuple[Step, ...], path: str) -> bool:
-    """Check a path against the type; tells whether its values are integers (or times)."""
+def _kind_of(types: Types, msgtype: str, steps: tuple[Step, ...], path: str) -> str:
+    """Check a path against the type; returns the kind of its value, a primitive or a time."""
     kind = msgtype
     for step in steps:
         entry = next((f for f in types.get(kind, ()) if f.name == step.field), None)
@@ -243,4 +281,4 @@ def _is_integer(types: Types, msgtype: str, steps: tuple[Step, ...], path: str) 
         kind = entry.kind
     if kind != TIME and kind not in PRIMITIVES:
         raise UserError(f'`{path}` is a {kind}, not a number; name one of its fields')
-    return kind == TIME or PRIMITIVES[kind][0] in 'iu'
+    return kind

@@ -144,10 +144,9 @@ class McapFile:
         payload = content[40 + name_size :]
         if not record.whole and compression:
             return None
-        try:
-            region = memoryview(_decompress(compression, payload)) if compression else payload
-        except (ValueError, RuntimeError, OSError, EOFError):
-            self._lost = 'one chunk cannot be decompressed'
+        region = memoryview(_decompressed(compression, payload)) if compression else payload
+        if compression and not region:
+            self._lost = 'one chunk cannot be decompressed and was left out'
             return None
         if record.whole and (len(region) != size or (crc and zlib.crc32(region) != crc)):
             self._lost = 'one chunk does not match its checksum and was left out'
@@ -243,13 +242,17 @@ def _walked(region: memoryview) -> Mapping[int, Messages]:
     return {channel: from_list(logged[channel], parts[channel]) for channel in logged}
 
 
-def _decompress(compression: str, payload: memoryview) -> bytes:
+def _decompressed(compression: str, payload: memoryview) -> bytes:
+    """Return the decompressed bytes, none if they are damaged."""
     # rosbags carries the decompressors (lz4, zstd) for every Python version.
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
     if compression not in DECOMPRESSORS:
         raise UserError(f'MCAP chunk compression `{compression}` is not known; use lz4 or zstd')
-    return DECOMPRESSORS[compression](bytes(payload), 0)
+    try:
+        return DECOMPRESSORS[compression](bytes(payload), 0)
+    except Exception:  # noqa: BLE001 - every library has its own error
+        return b''
 
 
 def _strings(content: memoryview, position: int, count: int) -> list[str]:

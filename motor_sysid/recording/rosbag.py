@@ -172,7 +172,10 @@ def _zstd(data: bytes) -> bytes:
     # rosbags carries zstd for every Python version.
     from rosbags.rosbag2.storage_mcap import DECOMPRESSORS
 
-    return DECOMPRESSORS['zstd'](data, 0)
+    try:
+        return DECOMPRESSORS['zstd'](data, 0)
+    except Exception as error:  # noqa: BLE001 - the library differs between Python versions
+        raise UserError(f'a zstd-compressed part of the bag is damaged: {error}') from None
 
 
 def _text(information: Mapping[str, object], key: str) -> str:

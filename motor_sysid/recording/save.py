@@ -36,7 +36,12 @@ ALONE = {
 
 
 def write_record(
-    record: Record, path: str | Path, *, storage: str = 'sqlite3', start: int = START
+    record: Record,
+    path: str | Path,
+    *,
+    storage: str = 'sqlite3',
+    compress: bool = False,
+    start: int = START,
 ) -> None:
     """Write a record to ``.csv``, ``.csv.gz``, or else to a bag folder with the default topics.
 
@@ -48,6 +53,8 @@ def write_record(
         File or folder to create.
     storage:
         ``sqlite3`` or ``mcap``, for a bag.
+    compress:
+        Compress the bag (mcap only).
     start:
         Stamp of time 0 in ns, for a bag; its stamps are whole nanoseconds.
 
@@ -65,7 +72,8 @@ def write_record(
         elif path.suffix in {'.mcap', '.db3'}:
             raise UserError(f'{path}: a bag is a folder; give its name without {path.suffix}')
         else:
-            _write_bag(record, path, storage, start)
+            with BagWriter(path, storage, compress=compress, commit_period=np.inf) as bag:
+                _write_bag(record, bag, start)
     except OSError as error:
         raise UserError(f'{path} cannot be written: {error.strerror or error}') from None
 
@@ -77,16 +85,14 @@ def _csv(record: Record) -> bytes:
     return '\n'.join([header, *map(','.join, rows), '']).encode()
 
 
-def _write_bag(record: Record, path: Path, storage: str, start: int) -> None:
+def _write_bag(record: Record, bag: BagWriter, start: int) -> None:
     stamps = start + np.round(record.time * 1e9).astype(np.int64)
     messages = list(_messages(record, stamps))
-    with BagWriter(path, storage, commit_period=np.inf) as bag:
-        for topic, msgtype, _ in messages:
-            bag.add_topic(topic, msgtype)
-        order = np.argsort(np.tile(stamps, len(messages)), kind='stable')
-        for k in order.tolist():
-            topic, _, rows = messages[k // len(stamps)]
-            bag.write(topic, int(stamps[k % len(stamps)]), rows[k % len(stamps)].tobytes())
+    for topic, msgtype, _ in messages:
+        bag.add_topic(topic, msgtype)
+    for k, stamp in enumerate(stamps.tolist()):
+        for topic, _, rows in messages:
+            bag.write(topic, stamp, rows[k].tobytes())
 
 
 def _messages(

@@ -1,21 +1,24 @@
 """Read rosbag2's sqlite3 files, also those of a recorder that was killed, into columns."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from contextlib import closing
 from pathlib import Path
 import shutil
 import sqlite3
-import struct
 import tempfile
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording.messages import from_list, Messages, Topic
+from motor_sysid.recording.sqlite_pages import is_cut_short, page_size_of, rows_of
 from motor_sysid.signals.finding import Finding, Severity
 
-BLOCK = 100
-"""Rows per query while salvaging: a damaged page costs at most one block of messages."""
-MISSES = 500
-"""Blocks without a readable row after which the end is taken to be reached."""
+Rows = dict[str, tuple[list[int], list[bytes]]]
+"""Receive times (ns) and messages by topic."""
+
+MOST = 1 << 40
+"""Bytes to which a damaged file is filled up at most (its header may be nonsense)."""
+MESSAGE_COLUMNS = 4
+"""Columns of the table of messages: id, topic, time, bytes."""
 
 
 class SqliteFile:
@@ -45,35 +48,28 @@ class SqliteFile:
         if any(_companion(path, suffix) for suffix in ('-journal', '-wal')):
             self._repair()
         try:
+            self._damaged = _is_cut_short(self._file)
             self.topics = self._read_topics()
         except sqlite3.DatabaseError:
-            self._salvage()
+            self._damaged = True
+            self._pad()
 
     def read(self, names: Collection[str]) -> dict[str, Messages]:
         """Return the messages of the named topics, in the order in which they were received."""
         with closing(self._connect()) as database:
-            identities = database.execute('SELECT id, name FROM topics').fetchall()
-            found: dict[str, Messages] = {}
-            for identity, name in identities:
-                if name in names:
-                    rows = self._rows(database, identity)
-                    received, parts = zip(*rows, strict=True) if rows else ((), ())
-                    found[name] = from_list(received, parts).in_time_order()
+            identities = dict(database.execute('SELECT name, id FROM topics'))
+            wanted = {name: identities[name] for name in names if name in identities}
+            try:
+                rows = {} if self._damaged else _rows(database, wanted)
+            except sqlite3.DatabaseError:
+                self._damaged = True
         if self._damaged:
-            self.findings.append(_damage(self.path, sum(map(len, found.values()))))
-        return found
+            rows = self._salvage(wanted)
+        return {name: from_list(*found).in_time_order() for name, found in rows.items()}
 
     def _connect(self) -> sqlite3.Connection:
         mode = 'immutable=1' if self._copy is None else 'mode=rw'
         return sqlite3.connect(f'file:{_quoted(self._file)}?{mode}', uri=True)
-
-    def _rows(self, database: sqlite3.Connection, topic: int) -> list[tuple[int, bytes]]:
-        query = 'SELECT timestamp, data FROM messages WHERE topic_id = ?'
-        try:
-            return database.execute(query, (topic,)).fetchall()
-        except sqlite3.DatabaseError:
-            self._damaged = True
-            return _salvaged_rows(database, topic)
 
     def _read_topics(self) -> tuple[Topic, ...]:
         with closing(self._connect()) as database:
@@ -118,19 +114,19 @@ class SqliteFile:
             )
         )  # fmt: skip
 
-    def _salvage(self) -> None:
-        """Open a copy of a truncated database, filled up to its full length with zeros."""
+    def _pad(self) -> None:
+        """Open a copy of a truncated database, filled up so that sqlite can read its start."""
+        head = self._file.read_bytes()[:100]
+        page = page_size_of(head)
+        if not page:
+            raise UserError(f'{self.path} is not a sqlite3 database')
         if self._copy is None:
             self._copy = tempfile.TemporaryDirectory(prefix='motor_sysid_')
             self._file = Path(self._copy.name) / self.path.name
             shutil.copyfile(self.path, self._file)
-        head = self._file.read_bytes()[:100]
-        if not head.startswith(b'SQLite format 3') or len(head) < 100:
-            raise UserError(f'{self.path} is not a sqlite3 database')
-        page, pages = struct.unpack('>H', head[16:18])[0], struct.unpack('>I', head[28:32])[0]
-        size = (65536 if page == 1 else page) * pages
+        pages = int.from_bytes(head[28:32], 'big')
         with self._file.open('r+b') as file:
-            file.truncate(max(size, self._file.stat().st_size))
+            file.truncate(max(self._file.stat().st_size, min(page * pages, MOST)))
         try:
             self.topics = self._read_topics()
         except sqlite3.DatabaseError as error:
@@ -138,21 +134,36 @@ class SqliteFile:
                 f'{self.path} is damaged beyond reading ({error}); copy it again from its source'
             ) from None
 
+    def _salvage(self, wanted: Mapping[str, int]) -> Rows:
+        """Collect the messages that lie in whole pages."""
+        found: Rows = {name: ([], []) for name in wanted}
+        names = {identity: name for name, identity in wanted.items()}
+        for _, (_, topic, received, data) in rows_of(self.path.read_bytes(), MESSAGE_COLUMNS):
+            if not isinstance(received, int) or not isinstance(data, bytes) or received <= 0:
+                continue
+            if isinstance(topic, int) and topic in names:
+                found[names[topic]][0].append(received)
+                found[names[topic]][1].append(data)
+        self.findings.append(_damage(self.path, sum(len(parts) for _, parts in found.values())))
+        return found
 
-def _salvaged_rows(database: sqlite3.Connection, topic: int) -> list[tuple[int, bytes]]:
-    """Read block by block of row ids and leave out the blocks that cannot be read."""
-    query = 'SELECT timestamp, data FROM messages WHERE id >= ? AND id < ? AND topic_id = ?'
-    rows: list[tuple[int, bytes]] = []
-    start = misses = 0
-    while misses < MISSES:
-        try:
-            found = database.execute(query, (start, start + BLOCK, topic)).fetchall()
-        except sqlite3.DatabaseError:
-            found = []
-        misses = 0 if found else misses + 1
-        rows += found
-        start += BLOCK
-    return [row for row in rows if isinstance(row[0], int) and isinstance(row[1], bytes)]
+
+def _rows(database: sqlite3.Connection, wanted: Mapping[str, int]) -> Rows:
+    """Return receive times and bytes by topic."""
+    found: Rows = {}
+    for name, identity in wanted.items():
+        rows = database.execute(
+            'SELECT timestamp, data FROM messages WHERE topic_id = ?', (identity,)
+        ).fetchall()
+        received, parts = zip(*rows, strict=True) if rows else ((), ())
+        found[name] = (list(received), list(parts))
+    return found
+
+
+def _is_cut_short(path: Path) -> bool:
+    with path.open('rb') as file:
+        head = file.read(100)
+    return len(head) == 100 and is_cut_short(path.stat().st_size, head)
 
 
 def _damage(path: Path, count: int) -> Finding:

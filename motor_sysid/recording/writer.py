@@ -16,7 +16,7 @@ from rosbags.interfaces import (
     QosReliability,
     QosTime,
 )
-from rosbags.rosbag2 import StoragePlugin, Writer, WriterError
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
 from rosbags.typesys import get_typestore, Stores
@@ -60,6 +60,8 @@ class BagWriter:
         Folder to create.
     storage:
         ``sqlite3`` or ``mcap``.
+    compress:
+        Compress chunks with zstd (mcap only).
     commit_period:
         Time between commits in s.
     custom_data:
@@ -76,11 +78,14 @@ class BagWriter:
         path: str | Path,
         storage: str = 'sqlite3',
         *,
+        compress: bool = False,
         commit_period: float = 1.0,
         custom_data: Mapping[str, str] | None = None,
     ) -> None:
         if storage not in STORAGES:
             raise UserError(f'storage `{storage}` is not known; choose {" or ".join(STORAGES)}')
+        if compress and storage != 'mcap':
+            raise UserError('only mcap storage can be compressed; choose it, or leave compression')
         self.path = Path(path)
         self.counts: dict[str, int] = {}
         self._period = commit_period
@@ -90,6 +95,8 @@ class BagWriter:
         self._typestore: Typestore | None = None
         try:
             self._writer = Writer(self.path, version=9, storage_plugin=STORAGES[storage])
+            if compress:
+                self._writer.set_compression(CompressionMode.STORAGE, CompressionFormat.ZSTD)
             for key, value in (custom_data or {}).items():
                 self._writer.set_custom_data(key, value)
             self._writer.open()

@@ -1,0 +1,357 @@
+"""Bags: whole, damaged, with custom types, out of order; and what is said about each."""
+
+import contextlib
+from pathlib import Path
+import shutil
+
+import numpy as np
+import pytest
+from recording_tools import (
+    custom,
+    joints,
+    motor_record,
+    motor_topics,
+    MS,
+    START,
+    vector,
+    write_bag,
+)
+import yaml
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording import load, Loaded
+from motor_sysid.recording.rosbag import Bag
+from motor_sysid.recording.save import write_record
+from motor_sysid.signals import Record
+
+VECTOR = 'geometry_msgs/msg/Vector3Stamped'
+JOINTS = 'sensor_msgs/msg/JointState'
+
+
+def codes(loaded: Loaded) -> set[str]:
+    return {finding.code for finding in loaded.findings}
+
+
+def same(one: Record, other: Record) -> bool:
+    begin = one.time - one.time[0], other.time - other.time[0]
+    return len(one) == len(other) and np.allclose(*begin, rtol=0, atol=1e-9) and all(
+        np.array_equal(one[name], other[name]) for name in one
+    )
+
+
+def storage_file(bag: Path) -> Path:
+    return next(file for file in bag.iterdir() if file.suffix in {'.db3', '.mcap'})
+
+
+@pytest.fixture(scope='module', params=['sqlite3', 'mcap', 'mcap_zstd'])
+def bag(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a bag of 40 000 messages: several chunks, many pages."""
+    storage, _, zstd = request.param.partition('_')
+    path = tmp_path_factory.mktemp('bags') / request.param
+    write_record(motor_record(13_334), path, storage=storage, compress=bool(zstd))
+    return path
+
+
+@pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
+def test_golden_bag(repository: Path, storage: str) -> None:
+    expected = yaml.safe_load((repository / 'bags' / 'golden.yaml').read_text())
+    loaded = load(repository / 'bags' / f'golden_{storage}')
+    (record,) = loaded.records
+    assert record.digest() == expected['sha256']
+    assert (len(record), list(record)) == (expected['samples'], expected['signals'])
+    assert record.dt == pytest.approx(expected['dt_s'])
+    assert {name: record[name][-1] for name in record} == expected['last_row']
+    assert loaded.findings == ()
+
+
+def test_round_trip_of_folder_and_file(bag: Path) -> None:
+    record = motor_record(13_334)
+    for path in (bag, storage_file(bag)):
+        loaded = load(path)
+        assert same(loaded.records[0], record)
+        assert not codes(loaded)
+
+
+def test_bag_equals_csv_of_the_same_motor(data_dir: Path) -> None:
+    cases = data_dir / 'hidden_effect_cases'
+    for name in ('motor_b/valid', 'motor_d/train_1', 'motor_f/valid'):
+        bag, table = load(cases / f'{name}_bag'), load(cases / f'{name}.csv.gz')
+        assert set(table.records[0]) - set(bag.records[0]) <= {'hall_sector'}
+        assert same(bag.records[0], table.records[0])
+        assert codes(bag) <= {'out_of_order'}
+
+
+@pytest.mark.parametrize('share', [0.05, 0.5, 0.999])
+def test_truncated_bag_gives_what_is_left(bag: Path, tmp_path: Path, share: float) -> None:
+    file = storage_file(bag)
+    broken = tmp_path / file.name
+    data = file.read_bytes()
+    broken.write_bytes(data[: int(share * len(data))])
+    if share < 0.1 and 'zstd' in bag.name:  # within the first chunk
+        with pytest.raises(UserError, match='no topics'):
+            load(broken)
+        return
+    loaded = load(broken)
+    record = loaded.records[0]
+    whole, rows = motor_record(13_334), np.round(record.time * 1000).astype(int)
+    for name in record:  # beside a hole, a value or two is interpolated
+        assert np.mean(record[name] == whole[name][rows]) > 0.99
+    assert len(record) == 13_334 or 'damaged_bag' in codes(loaded)
+    if 'zstd' not in bag.name:
+        assert len(record) > 0.8 * share * 13_334
+
+
+def test_any_truncation_or_flipped_bytes_end_well(tmp_path: Path) -> None:
+    rng = np.random.default_rng(3)
+    for storage in ('sqlite3', 'mcap'):
+        bag = tmp_path / storage
+        write_record(motor_record(60), bag, storage=storage)
+        file = storage_file(bag)
+        data = file.read_bytes()
+        for _ in range(50):
+            spoilt = bytearray(data[: rng.integers(0, len(data))])
+            for k in rng.integers(0, max(len(spoilt), 1), 3 * rng.integers(0, 2)):
+                spoilt[k : k + 1] = bytes([rng.integers(0, 256)])
+            broken = tmp_path / f'broken{file.suffix}'
+            broken.write_bytes(bytes(spoilt))
+            with contextlib.suppress(UserError):
+                load(broken)
+
+
+def test_corrupt_chunk_is_left_out(tmp_path: Path) -> None:
+    write_record(motor_record(13_334), tmp_path / 'bag', storage='mcap', compress=True)
+    file = storage_file(tmp_path / 'bag')
+    first, second, rest = file.read_bytes().split(b'\x28\xb5\x2f\xfd', 2)  # begin of a zstd frame
+    file.write_bytes(first + b'\x28\xb5\x2f\xfd' + second + b'none' + rest)
+    loaded = load(tmp_path / 'bag')
+    assert 'damaged_bag' in codes(loaded)
+    assert sum(map(len, loaded.records)) > 3000
+
+
+def test_folder_without_metadata(bag: Path, tmp_path: Path) -> None:
+    copy = tmp_path / 'copy'
+    shutil.copytree(bag, copy)
+    (copy / 'metadata.yaml').unlink()
+    loaded = load(copy)
+    assert len(loaded.records[0]) == 13_334
+    assert codes(loaded) == {'missing_metadata'}
+    (copy / 'metadata.yaml').write_text('{nonsense: [')
+    assert codes(load(copy)) == {'missing_metadata'}
+
+
+def test_split_bag_with_one_file_gone(tmp_path: Path) -> None:
+    record = motor_record(400)
+    for k in range(3):
+        part = record.slice(100 * k, 100 * (k + 1))
+        write_record(part, tmp_path / f'part{k}')
+        tmp_path.joinpath('bag').mkdir(exist_ok=True)
+        shutil.copy(storage_file(tmp_path / f'part{k}'), tmp_path / 'bag' / f'bag_{k}.db3')
+    assert same(load(tmp_path / 'bag').records[0], record.slice(0, 300))
+    information = {'relative_file_paths': ['bag_0.db3', 'bag_1.db3', 'bag_2.db3', 'bag_3.db3']}
+    (tmp_path / 'bag' / 'metadata.yaml').write_text(
+        yaml.safe_dump({'rosbag2_bagfile_information': information})
+    )
+    loaded = load(tmp_path / 'bag')
+    assert len(loaded.records[0]) == 300
+    assert any('bag_3.db3' in finding.message for finding in loaded.findings)
+
+
+@pytest.mark.parametrize(
+    ('name', 'content', 'message'),
+    [
+        ('a.mcap', b'', 'is empty'),
+        ('a.db3', b'', 'is empty'),
+        ('a.mcap', b'something else', 'not an MCAP file'),
+        ('a.db3', b'something else', 'not a sqlite3 database'),
+        ('a.mcap', b'\x89MCAP0\r\n', 'no topics'),
+    ],
+)
+def test_what_is_no_bag(tmp_path: Path, name: str, content: bytes, message: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(UserError, match=message):
+        load(tmp_path / name)
+
+
+def test_empty_bags(tmp_path: Path) -> None:
+    with pytest.raises(UserError, match='does not exist'):
+        load(tmp_path / 'nothing')
+    with pytest.raises(UserError, match='no bag'):
+        load(tmp_path)
+    with pytest.raises(UserError, match='no topics'):
+        load(write_bag(tmp_path / 'empty', {}))
+    silent = write_bag(tmp_path / 'silent', {'/motor/speed': (JOINTS, [])})
+    with pytest.raises(UserError, match='no messages on /motor/speed'):
+        load(silent)
+    one = write_bag(tmp_path / 'one', {'/motor/voltage': (VECTOR, [(START, vector(START, 1.0))])})
+    with pytest.raises(UserError, match='no two complete samples'):
+        load(one)
+
+
+def test_unknown_topics_show_the_yaml(tmp_path: Path) -> None:
+    messages = [(START + k * MS, joints(START + k * MS, ['a'], [0], [k])) for k in range(30)]
+    path = write_bag(tmp_path / 'bag', {'/arm/joint_states': (JOINTS, messages)})
+    with pytest.raises(UserError, match='velocity') as error:
+        load(path)
+    text = str(error.value)
+    assert '/arm/joint_states  (sensor_msgs/msg/JointState)' in text
+    snippet = text[text.index('  signals:') :]
+    config = tmp_path / 'mine.yaml'
+    config.write_text(snippet)
+    assert load(path, config).records[0]['speed'][5] == 5
+
+
+def test_namespaces(tmp_path: Path) -> None:
+    left, right = motor_record(50), motor_record(50, seed=1)
+    topics = {f'/left{name}': topic for name, topic in motor_topics(left).items()}
+    alone = write_bag(tmp_path / 'alone', topics)
+    assert same(load(alone).records[0], left)
+    topics |= {f'/right{name}': topic for name, topic in motor_topics(right).items()}
+    both = write_bag(tmp_path / 'both', topics)
+    with pytest.raises(UserError, match='namespace: /left'):
+        load(both)
+    assert same(load(both, namespace='/right').records[0], right)
+
+
+def test_custom_type_through_the_definition_in_the_bag(tmp_path: Path) -> None:
+    """Strings of changing length, nested arrays, and lookup by name, next to rosbags' decoder."""
+    names = ['knee', 'hip']
+    rows = []
+    for k in range(40):
+        order = names if k % 3 else names[::-1]
+        values = {name: k + (0.5 if name == 'hip' else 0.0) for name in order}
+        rows.append((START + k * MS, custom(START + k * MS, 'x' * (k % 5), values)))
+    config = tmp_path / 'mine.yaml'
+    field = 'joints[1].values[names=hip]'
+    config.write_text(
+        f"signals:\n  speed: {{topic: /state, field: '{field}', unit: rpm, stamp: when}}\n"
+        "  position: {topic: /state, field: 'joints[1].fixed[2]', stamp: when}\n"
+    )
+    for storage in ('sqlite3', 'mcap'):
+        bag = write_bag(tmp_path / storage, {'/state': ('demo_msgs/msg/State', rows)}, storage)
+        record = load(bag, config).records[0]
+        assert record['speed'] == pytest.approx((np.arange(40) + 0.5) * np.pi / 30)
+        assert set(record['position']) == {2.0}
+
+
+def test_one_of_several_joints(tmp_path: Path) -> None:
+    rows = []
+    for k in range(60):
+        names, values = (['a', 'b'], [k, k + 100]) if k % 2 else (['b', 'a'], [k + 100, k])
+        rows.append((START + k * MS, joints(START + k * MS, names, [0, 0], values)))
+    bag = write_bag(tmp_path / 'bag', {'/motor/speed': (JOINTS, rows)})
+    assert 'several_joints' in codes(load(bag))
+    config = tmp_path / 'mine.yaml'
+    config.write_text("signals: {speed: {topic: motor/speed, field: 'velocity[name=b]'}}")
+    assert load(bag, config).records[0]['speed'].tolist() == list(range(100, 160))
+
+
+def test_overtaking_messages_are_sorted(tmp_path: Path) -> None:
+    record = motor_record(300)
+    rng = np.random.default_rng(0)
+    delays = rng.exponential(0.4 * MS, 300).astype(int)
+    bag = write_bag(tmp_path / 'bag', motor_topics(record, lambda k: int(delays[k])))
+    loaded = load(bag)
+    assert same(loaded.records[0], record)
+    assert codes(loaded) == {'out_of_order'}
+
+
+def test_clock_that_starts_anew_gives_two_records(tmp_path: Path) -> None:
+    record = motor_record(100)
+    topics = motor_topics(record)
+    for name, (kind, messages) in topics.items():
+        again = [(received + 200 * MS, data) for received, data in messages]
+        topics[name] = (kind, [*messages, *again])
+    loaded = load(write_bag(tmp_path / 'bag', topics))
+    assert [len(part) for part in loaded.records] == [100, 100]
+    assert all(same(part, record) for part in loaded.records)
+    assert 'time_jumps_back' in codes(loaded)
+
+
+def test_lost_messages_make_a_gap(tmp_path: Path) -> None:
+    topics = motor_topics(motor_record(300))
+    kind, messages = topics['/motor/current']
+    topics['/motor/current'] = (kind, messages[:100] + messages[150:])
+    loaded = load(write_bag(tmp_path / 'bag', topics))
+    assert [len(part) for part in loaded.records] == [100, 150]
+    assert codes(loaded) >= {'gap', 'topics_overlap'}
+
+
+def test_repeated_and_zero_stamps(tmp_path: Path) -> None:
+    topics = motor_topics(motor_record(50))
+    kind, messages = topics['/motor/speed']
+    topics['/motor/speed'] = (kind, sorted([*messages, messages[7]], key=lambda m: m[0]))
+    loaded = load(write_bag(tmp_path / 'bag', topics))
+    assert len(loaded.records[0]) == 50
+    assert 'repeated_stamps' in codes(loaded)
+    zero = [(START + k * MS, vector(0, k)) for k in range(20)]
+    with pytest.raises(UserError, match=r'all zero.*stamp: receive'):
+        load(write_bag(tmp_path / 'zero', {'/motor/voltage': (VECTOR, zero)}))
+
+
+def test_topics_with_other_stamps_are_joined(tmp_path: Path) -> None:
+    """Voltage 0.3 ms later than speed: averaged over each row, the rest interpolated or exact."""
+    record = motor_record(200)
+    loaded = load(write_bag(tmp_path / 'bag', motor_topics(record, lag=300_000)))
+    (joined,) = loaded.records
+    assert 'topics_joined' in codes(loaded)
+    k = round(joined.time[0] / record.dt) or 1
+    expected = 0.3 * record['voltage'][k - 1 :] + 0.7 * np.append(record['voltage'][k:], 0)
+    count = min(len(joined), expected.size) - 3
+    assert joined['voltage'][:count] == pytest.approx(expected[:count], abs=1e-6)
+    assert np.array_equal(joined['speed'][:count], record['speed'][k : k + count])
+
+
+def test_slow_topic_is_interpolated_and_rare_one_held(tmp_path: Path) -> None:
+    record = motor_record(200)
+    topics = motor_topics(record)
+    kind, messages = topics['/motor/current']
+    topics['/motor/current'] = (kind, messages[::5])
+    steps = [(START + k * MS, vector(START + k * MS, k)) for k in (0, 40, 150)]
+    topics['/motor/reference'] = (VECTOR, steps)
+    (joined,) = load(write_bag(tmp_path / 'bag', topics)).records
+    assert joined['current'][::5].tolist() == record['current'][: len(joined) : 5].tolist()
+    before, after = joined['current'][[0, 5]]
+    assert joined['current'][1] == pytest.approx(0.8 * before + 0.2 * after)
+    assert set(joined['speed_reference']) == {0.0, 40.0, 150.0}
+
+
+def test_clocks_that_differ_are_noticed(tmp_path: Path) -> None:
+    record = motor_record(400)
+    skewed = load(write_bag(tmp_path / 'a', motor_topics(record, lag=-20 * MS)))
+    assert 'clock_skew' in codes(skewed)
+    topics = motor_topics(record)
+    stamps = [START + 3_600_000 * MS + k * MS for k in range(50)]
+    topics['/motor/voltage'] = (VECTOR, [(stamp, vector(stamp, 0)) for stamp in stamps])
+    with pytest.raises(UserError, match='no time in common'):
+        load(write_bag(tmp_path / 'b', topics))
+
+
+def test_missing_values_and_wrong_types(tmp_path: Path) -> None:
+    topics = motor_topics(motor_record(50))
+    kind, messages = topics['/motor/speed']
+    messages = list(messages)
+    stamp = messages[9][0]
+    messages[9] = (stamp, joints(stamp, ['shaft'], [1.0], [np.nan]))
+    messages[20] = (messages[20][0], joints(messages[20][0], [], [], []))
+    topics['/motor/speed'] = (kind, messages)
+    loaded = load(write_bag(tmp_path / 'bag', topics))
+    assert len(loaded.records[0]) == 48
+    assert 'missing_values' in codes(loaded)
+    topics['/motor/speed'] = (VECTOR, topics['/motor/voltage'][1])
+    with pytest.raises(UserError, match=r'no field `velocity`.*header, vector'):
+        load(write_bag(tmp_path / 'odd', topics))
+
+
+def test_a_missing_topic_is_said_with_those_that_are_there(tmp_path: Path) -> None:
+    topics = motor_topics(motor_record(50))
+    topics['/other/volts'] = topics.pop('/motor/voltage')
+    loaded = load(write_bag(tmp_path / 'bag', topics))
+    assert 'voltage' not in loaded.records[0]
+    assert any('/other/volts' in finding.message for finding in loaded.findings)
+
+
+def test_messages_in_order_for_replay(bag: Path) -> None:
+    rows = list(Bag(bag).iterate(['/motor/speed', '/motor/voltage']))
+    assert len(rows) == 2 * 13_334
+    assert [row[1] for row in rows] == sorted(row[1] for row in rows)
+    assert {row[0] for row in rows} == {'/motor/speed', '/motor/voltage'}
