@@ -32,6 +32,7 @@ DATASHEET: Mapping[str, float] = {'R': 2.0, 'L': 5e-3, 'k_t': 0.05, 'J': 5e-5, '
 TOLERANCE = 0.1
 """The motor on the bench differs from its datasheet by up to this share."""
 
+MOTOR_TOPICS = tuple(f'/motor/{t}' for t in ('voltage', 'current', 'speed', 'voltage_command'))
 SUPPLY, TOP_SPEED, CLOSED_LOOP_TIME = 24.0, 200.0, 0.025
 
 
@@ -91,6 +92,8 @@ def record(args: argparse.Namespace, nominal: Model, out: Path) -> None:
     with node_processes(out / 'nodes') as processes:
         _start_nodes(processes, args, nominal, out)
         with Monitor() as monitor:
+            monitor.wait_until_heard(processes.check, MOTOR_TOPICS)
+            _start_motor(processes, args)
             monitor.wait_until_heard(processes.check)
             monitor.start_profile(processes.check)
             _watch(monitor, processes, args.seconds)
@@ -103,23 +106,27 @@ def record(args: argparse.Namespace, nominal: Model, out: Path) -> None:
 def _start_nodes(
     processes: 'NodeProcesses', args: argparse.Namespace, nominal: Model, out: Path
 ) -> None:
-    chance = random.Random(args.seed)
-    truth = {
-        name: value * (1 + TOLERANCE * chance.uniform(-1, 1)) for name, value in DATASHEET.items()
-    }
     gains = speed_pi(nominal, CLOSED_LOOP_TIME, SUPPLY)
     processes.start('recorder', {'path': str(out / 'bag'), 'storage': args.storage})
     processes.start(
         'identifier',
         {'estimator': args.estimator, 'model_file': str(out / 'datasheet_model.yaml')},
     )
-    processes.start('motor', {
-        **truth, 'rate': args.rate, 'supply_voltage': SUPPLY, 'hidden_effects': args.hide,
-        'seed': args.seed,
-    })  # fmt: skip
     processes.start('pid', {
         'kp': gains.kp, 'ki': gains.ki, 'voltage_limit': SUPPLY, 'profile': 'mixed',
         'top_speed': TOP_SPEED, 'profile_duration': args.seconds, 'autostart': False,
+    })  # fmt: skip
+
+
+def _start_motor(processes: 'NodeProcesses', args: argparse.Namespace) -> None:
+    """Start the motor, last: then every topic is recorded from its first samples on."""
+    chance = random.Random(args.seed)
+    truth = {
+        name: value * (1 + TOLERANCE * chance.uniform(-1, 1)) for name, value in DATASHEET.items()
+    }
+    processes.start('motor', {
+        **truth, 'rate': args.rate, 'supply_voltage': SUPPLY, 'hidden_effects': args.hide,
+        'seed': args.seed,
     })  # fmt: skip
 
 

@@ -46,10 +46,12 @@ STEPS = tuple(
 RAMPS = (Part(3.0, triangle(1.0)), Part(3.0, triangle(0.35)))
 CRAWL = (Part(2.0, triangle(0.08)), Part(0.7, hold(0.05)), Part(0.7, hold(-0.05)))
 SWEEP = (Part(3.0, sweep(0.5, 1.0, 14.0)),)
-BACK = tuple(Part(0.5, hold(level)) for level in (0.7, -0.7, 0.3, -0.3))
+BACK = tuple(Part(0.6, hold(level)) for level in (0.5, -0.3, 0.2, -0.4))
+LAST = (*BACK, Part(1.5, triangle(0.3)), Part(1.0, triangle(0.1)))
+"""A smaller mixture: the part that is held back to validate."""
 
 PROFILES: dict[str, tuple[Part, ...]] = {
-    'mixed': (REST, *STEPS, *RAMPS, *CRAWL, *SWEEP, *STEPS[::-1], *BACK, REST),
+    'mixed': (REST, *STEPS, *RAMPS, *CRAWL, *SWEEP, *STEPS[::-2], *LAST, REST),
     'steps': (REST, *STEPS, REST),
     'reversals': (REST, *BACK, REST),
     'ramps': (REST, *RAMPS, *CRAWL, REST),

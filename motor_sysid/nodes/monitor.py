@@ -1,7 +1,7 @@
 """Watch a running loop from outside: speed, tracking, estimates, prediction errors."""
 
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 import math
 import time
@@ -115,23 +115,32 @@ class Monitor:
         self._node.destroy_node()
         try_shutdown(context=self._context)
 
-    def unheard(self) -> list[str]:
-        """Return what still hinders the start, as ``node does not listen to topic``."""
+    def unheard(self, but: Collection[str] = ()) -> list[str]:
+        """Return what still hinders the start, as ``node does not listen to topic``.
+
+        Topics in `but` need not be heard yet.
+        """
         missing = []
         for topic, names in LISTENERS.items():
+            if topic in but:
+                continue
             there = {info.node_name for info in self._node.get_subscriptions_info_by_topic(topic)}
             missing += [
                 f'{name} does not listen to {topic}' for name in names if name not in there
             ]
         return missing
 
-    def wait_until_heard(self, check: Callable[[], None], patience: float = 60.0) -> None:
+    def wait_until_heard(
+        self, check: Callable[[], None], but: Collection[str] = (), patience: float = 60.0
+    ) -> None:
         """Wait until every node hears what it must.
 
         Parameters
         ----------
         check:
             Called all the time; raises if there is no use in waiting.
+        but:
+            Topics that need not be heard yet.
         patience:
             Longest wait, s.
 
@@ -141,21 +150,37 @@ class Monitor:
             If it takes too long; says which node hears what not.
         """
         end = time.monotonic() + patience
-        while missing := self.unheard():
+        while missing := self.unheard(but):
             check()
             if time.monotonic() > end:
                 raise UserError(f'the nodes did not find each other in {patience:g} s: {missing}')
             self._executor.spin_once(timeout_sec=0.05)
 
-    def start_profile(self, check: Callable[[], None], patience: float = 20.0) -> None:
-        """Have the controller start its profile."""
-        client = self._node.create_client(Trigger, '/pid/start')
+    def start_profile(self, check: Callable[[], None]) -> None:
+        """Have the identifier start anew and the controller start its profile.
+
+        Whatever the identifier is given from here on is recorded too, so that a replay of the bag
+        can give the same estimates.
+        """
+        self.call('/identifier/reset', check)
+        self.call('/pid/start', check)
+        self._reference.drain()  # zeros from before the start
+
+    def call(self, service: str, check: Callable[[], None], patience: float = 20.0) -> None:
+        """Call a service without arguments and wait for its answer.
+
+        Raises
+        ------
+        UserError
+            If there is none.
+        """
+        client = self._node.create_client(Trigger, service)
         end = time.monotonic() + patience
         future = None
         while future is None or not future.done():
             check()
             if time.monotonic() > end:
-                raise UserError('the controller did not answer; see its log')
+                raise UserError(f'{service} did not answer in {patience:g} s; see the logs')
             if future is None and client.service_is_ready():
                 future = client.call_async(Trigger.Request())
             self._executor.spin_once(timeout_sec=0.05)

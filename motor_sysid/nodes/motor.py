@@ -50,7 +50,7 @@ class MotorSettings:
     )
     encoder_counts: int = parameter(4096, 'Counts per turn; 0 for an ideal one.', '', 0, 10**8)
     current_noise: float = parameter(
-        0.02, 'Standard deviation of the current sensor.', 'A', 0, 100
+        0.01, 'Standard deviation of the current sensor.', 'A', 0, 100
     )
     current_offset: float = parameter(0.03, 'Offset of the current sensor.', 'A', -100, 100)
     current_range: float = parameter(

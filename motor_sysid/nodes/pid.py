@@ -136,7 +136,10 @@ class PidNode(LoopNode):
 
     def _answer(self, stamp: int, speed: float) -> None:
         last, self._last = self._last, stamp
-        if not self._enabled or last is None or stamp <= last or not math.isfinite(speed):
+        if last is None or stamp <= last or not math.isfinite(speed):
+            return
+        if not self._enabled:
+            self._hold(stamp)
             return
         dt = (stamp - last) / SECOND
         if dt > GAP:
@@ -145,6 +148,12 @@ class PidNode(LoopNode):
         reference = self._reference_at(stamp)
         voltage = self._pid.step(reference, speed, dt)
         self._command.publish(stamp, voltage, 0.0, 0.0)
+
+    def _hold(self, stamp: int) -> None:
+        """Keep the motor at 0 V, and say so, as long as the profile has not begun."""
+        if self._own is not None:
+            self._own.publish(stamp, 0.0, 0.0, 0.0)
+        self._command.publish(stamp, 0.0, 0.0, 0.0)
 
     def _reference_at(self, stamp: int) -> float:
         if self._profile is None or self._own is None:
@@ -163,8 +172,6 @@ class PidNode(LoopNode):
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._enabled = False
-        if self._last is not None:
-            self._command.publish(self._last, 0.0, 0.0, 0.0)
         response.success, response.message = True, 'stopped at 0 V'
         return response
 
