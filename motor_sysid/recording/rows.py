@@ -216,8 +216,8 @@ def gap_limit(time: Array) -> float:
     steps = np.diff(time)
     if steps.size == 0:
         return np.inf
-    common = COMMON_STEPS * np.quantile(steps, 0.99) if steps.size > 100 else 0.0
-    return float(max(GAP_STEPS * np.median(steps), common))
+    common = COMMON_STEPS * float(np.quantile(steps, 0.99)) if steps.size > 100 else 0.0
+    return max(GAP_STEPS * float(np.median(steps)), common)
 
 
 def _contiguous(rows: Rows, max_gap: float | None, findings: list[Finding]) -> list[Rows]:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import io
 from pathlib import Path
 import re
+import warnings
 import zlib
 
 import numpy as np
@@ -91,10 +92,12 @@ class Table:
     def _parse(self, body: str, positions: Sequence[int]) -> Array:
         quoted = '"' if '"' in body else None
         comments = '#' if '#' in body else None
-        return np.loadtxt(
-            io.StringIO(body), delimiter=self.delimiter, usecols=positions, ndmin=2,
-            comments=comments, quotechar=quoted,
-        )  # fmt: skip
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore', UserWarning)  # nothing but comments: said later
+            return np.loadtxt(
+                io.StringIO(body), delimiter=self.delimiter, usecols=positions, ndmin=2,
+                comments=comments, quotechar=quoted,
+            )  # fmt: skip
 
     def _filled(self) -> str:
         """Return the body with ``nan`` in empty cells."""

@@ -19,7 +19,7 @@ from rosbags.interfaces import (
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer, WriterError
 from rosbags.rosbag2.storage_mcap import McapWriter
 from rosbags.rosbag2.storage_sqlite3 import Sqlite3Writer
-from rosbags.typesys import get_typestore, Stores
+from rosbags.typesys import get_typestore, Stores, TypesysError
 from rosbags.typesys.store import Typestore
 
 from motor_sysid.errors import UserError
@@ -137,7 +137,7 @@ class BagWriter:
                 rihs01=digest,
                 offered_qos_profiles=[_qos(profile) for profile in qos],
             )
-        except KeyError:
+        except (KeyError, TypesysError):
             raise UserError(
                 f'message type `{msgtype}` of `{name}` is not part of ROS 2 Jazzy; '
                 'give its definition to record it'

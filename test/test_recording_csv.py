@@ -1,0 +1,257 @@
+"""CSV files: headers, delimiters, holes, text where numbers should be, times that jump."""
+
+import gzip
+from pathlib import Path
+import time
+
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from recording_tools import motor_record
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording import load, Loaded
+from motor_sysid.recording.headers import understand
+from motor_sysid.recording.save import write_record
+
+
+def codes(loaded: Loaded) -> set[str]:
+    return {finding.code for finding in loaded.findings}
+
+
+def table(path: Path, header: str, rows: list[str]) -> Path:
+    path.write_text('\n'.join([header, *rows, '']), encoding='utf8')
+    return path
+
+
+def ramp(count: int = 200, dt: float = 0.001) -> list[str]:
+    return [f'{dt * k:.6f},{k % 12},{0.5 * k}' for k in range(count)]
+
+
+HEADER = 'time [s],voltage [V],speed [rad/s]'
+
+
+@pytest.mark.parametrize(
+    ('header', 'signal', 'unit'),
+    [
+        ('time [s]', 'time', 's'), ('t_s', 'time', 's'), ('time_ms', 'time', 'ms'),
+        ('voltage_v', 'voltage', 'V'), ('speed_rad_s', 'speed', 'rad/s'),
+        ('Speed (RPM)', 'speed', 'RPM'), ('speed reference [rad/s]', 'speed_reference', 'rad/s'),
+        ('voltage_d [V]', 'voltage_d', 'V'), ('current_a', 'current', 'A'),
+        ('current_a [A]', 'current_a', 'A'), ('position_deg', 'position', 'deg'),
+        ('velocity_m_s', 'speed', 'm/s'), ('temperature_C', 'temperature', 'degC'),
+        ('voltage', 'voltage', ''), ('hall_sector [-]', 'hall_sector', '-'),
+    ],
+)  # fmt: skip
+def test_headers(header: str, signal: str, unit: str) -> None:
+    found = understand(header, [header])
+    assert found is not None
+    assert (found.signal, found.unit) == (signal, unit)
+
+
+def test_headers_that_are_not_ours() -> None:
+    assert understand('u_V', ['u_V']) is None
+    assert understand('voltage_left_V', []) is None
+    phases = ['current_a', 'current_b', 'current_c']
+    assert [understand(c, phases).signal for c in phases] == phases  # type: ignore[union-attr]
+
+
+def test_units_are_converted(tmp_path: Path) -> None:
+    rows = [f'{k},{1000 * k},60,{180},{2500}' for k in range(20)]
+    header = 'time_ms,voltage_mv,speed [rpm],position [deg],current_ma'
+    path = table(tmp_path / 'a.csv', header, rows)
+    record = load(path).records[0]
+    assert record.time[1] == pytest.approx(1e-3)
+    assert record['voltage'][3] == pytest.approx(3)
+    assert record['speed'][0] == pytest.approx(2 * np.pi)
+    assert record['position'][0] == pytest.approx(np.pi)
+    assert record['current'][0] == pytest.approx(2.5)
+    assert record.units == {
+        'voltage': 'V', 'speed': 'rad/s', 'position': 'rad', 'current': 'A'
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize('suffix', ['.csv', '.csv.gz'])
+def test_round_trip_is_exact(tmp_path: Path, suffix: str) -> None:
+    record = motor_record(300)
+    write_record(record, tmp_path / f'a{suffix}')
+    loaded = load(tmp_path / f'a{suffix}')
+    assert loaded.records[0].digest() == record.digest()
+    assert loaded.findings == ()
+
+
+@pytest.mark.parametrize(
+    'text',
+    [
+        HEADER + '\r\n0.0,1,2\r\n0.1,1,3\r\n',
+        '\ufeff' + HEADER + '\n0,1,2\n0.1,1,3\n',
+        '# by a logger\n\n' + HEADER + '\n# comment\n0,1,2\n0.1,1,3\n',
+        HEADER.replace(',', ';') + '\n0,0;1,0;2,0\n0,1;1,0;3,0\n',
+        HEADER.replace(',', '\t') + '\n0\t1\t2\n0.1\t1\t3\n',
+        '"time [s]","voltage [V]","speed [rad/s]","note"\n0,1,"2","a, b"\n0.1,1,3,\n',
+        HEADER + ',note\n0,1,2,ok\n0.1,1,3,"x"\n',
+        HEADER + '\n0,1,2\n0.1,1,3\n0.2,1',
+    ],
+)
+def test_dialects(tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_bytes(text.encode())
+    record = load(path).records[0]
+    assert record.time.tolist() == [0.0, 0.1]
+    assert record['speed'].tolist() == [2.0, 3.0]
+
+
+def test_columns_that_are_not_read_are_named(tmp_path: Path) -> None:
+    path = table(tmp_path / 'a.csv', HEADER + ',error_code', [row + ',E7' for row in ramp()])
+    (finding,) = load(path).findings
+    assert finding.code == 'ignored_columns'
+    assert 'error_code' in finding.message
+
+
+def test_a_unit_that_has_to_be_assumed_is_said(tmp_path: Path) -> None:
+    loaded = load(table(tmp_path / 'a.csv', 'time,voltage,speed', ramp()))
+    assert [f.code for f in loaded.findings] == ['unit_assumed'] * 3
+
+
+def test_bad_cell_is_named_and_its_row_left_out(tmp_path: Path) -> None:
+    rows = ramp()
+    rows[100] = '0.1,oops,3'
+    loaded = load(table(tmp_path / 'a.csv', HEADER, rows))
+    assert len(loaded.records[0]) == 199
+    message = next(f for f in loaded.findings if f.code == 'text_in_number_column').message
+    assert 'line 102, column `voltage [V]`: `oops` is not a number (1 of 200 rows)' in message
+
+
+def test_many_bad_cells_are_refused(tmp_path: Path) -> None:
+    rows = [row if k % 4 else f'{0.001 * k},n.a.,7' for k, row in enumerate(ramp())]
+    with pytest.raises(UserError, match=r'line 2, column `voltage \[V\]`: `n.a.` .* 50 of 200'):
+        load(table(tmp_path / 'a.csv', HEADER, rows))
+
+
+def test_empty_cells_and_not_a_number(tmp_path: Path) -> None:
+    rows = ramp()
+    rows[3], rows[7], rows[9], rows[11] = '0.003,,1', '0.007,1,', '0.009,nan,1', '0.011,1,inf'
+    loaded = load(table(tmp_path / 'a.csv', HEADER, rows))
+    assert len(loaded.records[0]) == 196
+    (finding,) = loaded.findings
+    assert finding.code == 'missing_values'
+    assert dict(finding.numbers) == {'rows': 4, 'rows_voltage': 2, 'rows_speed': 2}
+
+
+def test_column_without_any_value(tmp_path: Path) -> None:
+    rows = [row + ',' for row in ramp()]
+    loaded = load(table(tmp_path / 'a.csv', HEADER + ',current [A]', rows))
+    assert 'current' not in loaded.records[0]
+    assert codes(loaded) == {'empty_signal'}
+
+
+def test_gap_and_jump_give_several_records(tmp_path: Path) -> None:
+    rows = ramp()
+    loaded = load(table(tmp_path / 'gap.csv', HEADER, rows[:80] + rows[120:]))
+    assert [len(r) for r in loaded.records] == [80, 80]
+    assert codes(loaded) == {'gap'}
+    loaded = load(table(tmp_path / 'jump.csv', HEADER, rows + rows[:150]))
+    assert [len(r) for r in loaded.records] == [200, 150]
+    assert codes(loaded) == {'time_jumps_back'}
+    loaded = load(table(tmp_path / 'twice.csv', HEADER, [rows[0], *rows]))
+    assert len(loaded.records[0]) == 200
+    assert codes(loaded) == {'repeated_stamps'}
+
+
+def test_irregular_sampling_is_no_gap(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    steps = np.where(rng.random(500) < 0.1, 0.1, 0.005)
+    rows = [f'{t:.6f},1,{k}' for k, t in enumerate(np.cumsum(steps))]
+    assert len(load(table(tmp_path / 'a.csv', HEADER, rows)).records) == 1
+
+
+def test_time_as_a_date_begins_at_zero(tmp_path: Path) -> None:
+    rows = [f'{1.7e9 + 0.01 * k:.3f},1,{k}' for k in range(50)]
+    record = load(table(tmp_path / 'a.csv', HEADER, rows)).records[0]
+    assert (record.time[0], record.time[-1]) == (0, pytest.approx(0.49, abs=1e-6))
+    assert '1700000000' in record.provenance.notes[0]
+
+
+def test_wrapped_angle_is_made_continuous(tmp_path: Path) -> None:
+    rows = [f'{0.01 * k:.3f},1,{(7 * k) % 360}' for k in range(200)]
+    path = table(tmp_path / 'a.csv', 'time [s],voltage [V],position [deg]', rows)
+    record = load(path).records[0]
+    assert np.diff(record['position']) == pytest.approx(np.deg2rad(7))
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('', 'is empty'),
+        ('\n\n# nothing\n', 'is empty'),
+        (HEADER + '\n', r'a header \(time .* but no rows'),
+        ('0,1,2\n1,2,3\n', 'no header line'),
+        ('a,b,c\n0,1,2\n', r'no column is understood as a time.*a, b, c'),
+        ('t_s,q_ref_m,q_m,u_V\n0,1,2,3\n', r"(?s)understood as a signal.*voltage: {column: 'u_V'"),
+        ('time [s],speed [rpm],speed [rad/s]\n0,1,2\n', 'both mean speed'),
+        ('time [s],speed [V]\n0,1\n', r'`speed` is given in `V`'),
+        ('time [s],speed [furlong]\n0,1\n', r'column `speed \[furlong\]`: unit `furlong`'),
+        ('time [V],speed [rad/s]\n0,1\n', 'no time'),
+        (HEADER + '\n0,1,2\n', 'no two complete samples'),
+        (HEADER + '\nnan,1,2\nnan,1,2\n', 'no two complete samples'),
+        ('time [s],speed [rad/s],speed [rad/s]\n0,1,1\n', 'both mean speed'),
+        ('\0\0\0binary', 'not a text file'),
+    ],
+)
+def test_what_cannot_be_read(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_text(text)
+    with pytest.raises(UserError, match=message):
+        load(path)
+
+
+def test_broken_gzip(tmp_path: Path) -> None:
+    whole = gzip.compress('\n'.join([HEADER, *ramp(5000)]).encode())
+    path = tmp_path / 'a.csv.gz'
+    path.write_bytes(whole[: len(whole) // 2])
+    loaded = load(path)
+    assert 1000 < len(loaded.records[0]) < 5000
+    assert 'damaged_file' in codes(loaded)
+    path.write_bytes(whole[:10] + b'not a stream at all')
+    with pytest.raises(UserError, match='damaged gzip'):
+        load(path)
+    path.write_bytes(whole + whole[len(whole) :])
+    assert len(load(path).records[0]) == 5000
+
+
+def test_600_000_rows_open_fast(tmp_path: Path) -> None:
+    record = motor_record(2000)
+    body = (tmp_path / 'small.csv', tmp_path / 'big.csv')
+    write_record(record, body[0])
+    header, *rows = body[0].read_text().splitlines()
+    tail = [row.partition(',')[2] for row in rows]
+    rows = [f'{k / 1000},{tail[k % 2000]}' for k in range(600_000)]
+    table(body[1], header, rows)
+    begin = time.process_time()
+    loaded = load(body[1])
+    assert time.process_time() - begin < 3  # 0.5 s on a free core
+    assert len(loaded.records[0]) == 600_000
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150)
+@given(st.text(alphabet='0123456789.,;-+eE \n\t"#naifx[]/_tspedvolgrcurn', max_size=300))
+def test_any_text_gives_a_record_or_a_user_error(tmp_path: Path, text: str) -> None:
+    path = tmp_path / 'any.csv'
+    path.write_text('time [s],speed [rad/s]\n' + text)
+    try:
+        loaded = load(path)
+    except UserError:
+        return
+    assert loaded.records
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)
+@given(st.lists(st.one_of(st.floats(), st.just(0.5)), min_size=1, max_size=40))
+def test_any_times_give_records_or_a_user_error(tmp_path: Path, times: list[float]) -> None:
+    path = table(tmp_path / 'any.csv', 'time [s],speed [rad/s]', [f'{t},{t}' for t in times])
+    try:
+        loaded = load(path)
+    except UserError:
+        return
+    assert sum(map(len, loaded.records)) <= len(times)
