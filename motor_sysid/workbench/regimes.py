@@ -21,8 +21,8 @@ LOW_SPEED = 0.10
 TRANSIENT = 0.15
 """Limit of acceleration, as a share of the 99th percentile of its size."""
 
-SMOOTHING = 0.02
-"""s over which speed is averaged before it is differentiated."""
+SMOOTHING = 0.03
+"""s over which speed is averaged before it is differentiated; shorter transients are none."""
 
 FEWEST = 8
 """Samples that a cell of the map needs to be shown."""
@@ -61,7 +61,7 @@ def regimes_of(records: Sequence[Record], sigma: float = 0.0) -> tuple[Bins, ...
     Parameters
     ----------
     sigma:
-        Standard deviation of the noise of speed; acceleration within it counts as none.
+        Standard deviation of the noise of speed; within three of it the motor stands still.
     """
     speeds = [speed_of(record) for record in records]
     known = [speed for speed in speeds if speed is not None]
@@ -69,14 +69,14 @@ def regimes_of(records: Sequence[Record], sigma: float = 0.0) -> tuple[Bins, ...
         return None
     slopes = [_slope(speed, r) for speed, r in zip(known, records, strict=True)]
     scale = _size(known)
-    noise = max(_slope_noise(sigma, record) for record in records)
-    limit = max(TRANSIENT * _size(slopes), 4 * noise)
+    noise = max(_slope_noise(a, r) for a, r in zip(slopes, records, strict=True))
+    limit = min(max(TRANSIENT * _size(slopes), 4 * noise), 0.5 * _size(slopes))
     still = max(STANDSTILL * scale, 3 * sigma)
     slow = max(LOW_SPEED * scale, still)
     return tuple(
-        np.select([np.abs(v) < still, np.abs(v) < slow, np.abs(a) > limit], [0, 1, 2], 3)
-        for v, a in zip(known, slopes, strict=True)
-    )
+        np.select([abs(v) < still, abs(v) < slow, _lasting(abs(a) > limit, r)], [0, 1, 2], 3)
+        for v, a, r in zip(known, slopes, records, strict=True)
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -158,9 +158,17 @@ def _slope(values: Array, record: Record) -> Array:
     return slope
 
 
-def _slope_noise(sigma: float, record: Record) -> float:
-    window = _window(record)
-    return sigma * float(np.sqrt(2.0 / window)) / (2 * window * record.dt)
+def _lasting(flags: NDArray[np.bool_], record: Record) -> NDArray[np.bool_]:
+    """Return which samples have the flag in most of their surroundings: noise flickers."""
+    most: NDArray[np.bool_] = _mean(flags.astype(np.float64), 2 * _window(record)) > 0.5
+    return most
+
+
+def _slope_noise(slope: Array, record: Record) -> float:
+    """Return the standard deviation of a slope about its moving average, where it is calm."""
+    off = np.abs(slope - _mean(slope, 8 * _window(record)))
+    finite = off[np.isfinite(off)]
+    return float(np.percentile(finite, 10)) / 0.126 if finite.size else 0.0
 
 
 def _mean(values: Array, window: int) -> Array:
