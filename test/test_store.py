@@ -14,9 +14,12 @@ from motor_sysid.physics.parameters import ParameterSet
 from motor_sysid.physics.store import dump_model, load_model, parse_model, save_model
 
 
-def fitting_effects(key):
-    names = motors()[key].names()
-    return [k for k, e in catalogue().items() if e.needs() <= names]
+def fits(model, key):
+    try:
+        model.with_effect(key)
+    except UserError:
+        return False
+    return True
 
 
 @strategies.composite
@@ -27,9 +30,9 @@ def models(draw):
         speed_sensor=draw(strategies.sampled_from(SpeedSensor)),
         linear=draw(strategies.booleans()),
     )
-    known = strategies.sampled_from(fitting_effects(key))
-    for name in draw(strategies.lists(known, unique=True, max_size=3)):
-        if name not in model.effects:
+    known = strategies.sampled_from(sorted(catalogue()))
+    for name in draw(strategies.lists(known, unique=True, max_size=4)):
+        if fits(model, name):
             model = model.with_effect(name)
     items = []
     for p in model.parameters:

@@ -139,12 +139,14 @@ class Program:
         force_index = {force.name: j for j, force in enumerate(self.kind.forces)}
         own_argument = {force.name: force.own_state for force in self.kind.forces}
         row = FIRST_PARAMETER_ROW + len(motor_names)
+        rows = list(range(FIRST_PARAMETER_ROW, row))
         laws: list[tuple[bool, int, Lane, int, int]] = []
         rates: list[tuple[Lane, int, int]] = []
         self.memory_offsets: list[int] = []
         self._memory_rate: list[int] = []
         for one in self.effects:
             own = row * LANES
+            rows += range(row, row + len(one.card.parameters))
             row += len(one.card.parameters)
             state, count = row * LANES, len(one.card.states)
             row += 2 * count
@@ -158,8 +160,9 @@ class Program:
                     laws.append((not stiff, force_index[lane.target], lane, own, state))
         laws.sort(key=lambda law: law[0])
         self._keep = [law[2] for law in laws] + [rate[0] for rate in rates]
-        self._rows = row + 1
-        self._delayed = any(one.card.delay for one in self.effects)
+        self._rows, self._parameter_rows = row + 1, _integers(rows)
+        delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
+        self._delay_names = [self.names.index(name) for name in delays]
         self._stiff_count = sum(not law[0] for law in laws)
         self._stiff_force = _integers([law[1] for law in laws])
         self._laws = tuple(
@@ -187,6 +190,13 @@ class Program:
                 FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
             )
         self._outputs = (_integers(states), _integers(differenced), _integers(bias))
+        self._memory = (_integers(self.memory_offsets), _integers(self._memory_rate))
+        self._kind_rows = (
+            _integers([ROW_OF_ARGUMENT[s] for s in self.kind.states]),
+            _integers([ROW_OF_ARGUMENT[s] for s in self.kind.arguments]),
+            _integers([ROW_OF_FORCE[f.name] for f in self.kind.forces]),
+            _integers([self.kind.states.index(f.own_state) for f in self.kind.forces]),
+        )
 
     def run(
         self,
@@ -280,32 +290,27 @@ class Program:
         used = table.shape[1]
         full = np.repeat(table[:, :1], LANES, axis=1)
         full[:, :used] = table
-        named = dict(zip(self.names, full, strict=True))
         buffer = np.zeros(self._rows * LANES)
-        rows = buffer.reshape(self._rows, LANES)
-        offset = FIRST_PARAMETER_ROW
-        for p in self.kind.parameters:
-            rows[offset] = named[p.name]
-            offset += 1
-        delay = np.zeros(LANES)
-        for one in self.effects:
-            for card in one.card.parameters:
-                rows[offset] = named[f'{one.key}.{card.name}']
-                offset += 1
-            offset += 2 * len(one.card.states)
-            if one.card.delay:
-                delay += np.maximum(named[f'{one.key}.{one.card.delay}'], 0.0) / dt
+        buffer.reshape(self._rows, LANES)[self._parameter_rows] = full
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
-        if delayed and self._delayed:
-            whole = np.floor(np.where(np.isfinite(delay), delay, 0.0))
-            late = whole.astype(np.int64)
-            width = np.stack(((delay - whole) * dt, (1 - delay + whole) * dt))
-        width = width / substeps
+        if delayed and self._delay_names:
+            late, width = self._delays(full, dt)
+        width /= substeps
         with np.errstate(all='ignore'):
-            linear = self.kind.matrices(named)
+            linear = self.kind.matrices(dict(zip(self.names, full, strict=True)))
             matrices = [substep_matrices(*linear, w) for w in width]
-        stacked = [np.stack(parts) for parts in zip(*matrices, strict=True)]
-        return Workspace((stacked[0], stacked[1], stacked[2], stacked[3]), width, late, buffer)
+        if len(matrices) == 1:
+            e, input_part, force_part, force_slope = (part[np.newaxis] for part in matrices[0])
+        else:
+            parts = [np.stack(same) for same in zip(*matrices, strict=True)]
+            e, input_part, force_part, force_slope = parts
+        return Workspace((e, input_part, force_part, force_slope), width, late, buffer)
+
+    def _delays(self, full: Array, dt: float) -> tuple[NDArray[np.int64], Array]:
+        """Return whole samples of delay (W,) and the lengths (2, W) of the parts of a sample."""
+        delay = np.maximum(full[self._delay_names], 0.0).sum(axis=0) / dt
+        whole = np.floor(np.where(np.isfinite(delay), delay, 0.0))
+        return whole.astype(np.int64), np.stack(((delay - whole) * dt, (1 - delay + whole) * dt))
 
     def advance(
         self,
@@ -320,7 +325,6 @@ class Program:
 
         Samples before `first` serve only as older inputs of a delay.
         """
-        kind = self.kind
         run_block(
             *workspace.matrices,
             workspace.width,
@@ -334,17 +338,13 @@ class Program:
             workspace.buffer,
             workspace.buffer.ctypes.data,
             x,
-            _integers([ROW_OF_ARGUMENT[s] for s in kind.states]),
-            _integers([ROW_OF_ARGUMENT[s] for s in kind.arguments]),
-            _integers([ROW_OF_FORCE[f.name] for f in kind.forces]),
-            _integers([kind.states.index(f.own_state) for f in kind.forces]),
+            *self._kind_rows,
             ARGUMENTS.index('t'),
             *self._laws,
             self._stiff_count,
             self._stiff_force,
             *self._rates,
-            _integers(self.memory_offsets),
-            _integers(self._memory_rate),
+            *self._memory,
             *self._outputs,
             outputs,
         )
