@@ -13,6 +13,7 @@ from rosbags.typesys import get_typestore, Stores
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import EstimateStream, Event, Rates
+from motor_sysid.nodes.health import Times
 from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, plan_topics
 from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
@@ -234,6 +235,41 @@ def test_samples_with_a_value_that_is_no_number_are_left_out_and_counted() -> No
     target.advance()
     assert target.not_finite == 1
     assert target.record() is None
+
+
+def test_a_slow_estimator_works_off_its_backlog_in_small_pieces() -> None:
+    at_once, bit_by_bit = pipeline(), pipeline()
+    for target in (at_once, bit_by_bit):
+        push(target, 400)
+    expected, found = at_once.advance(), []
+    calls = 0
+    while bit_by_bit.collect():
+        found += bit_by_bit.advance(budget=1e-4)
+        calls += 1
+    assert found == expected
+    assert calls > 3
+    assert bit_by_bit.overrun == 0
+
+
+def test_a_hopeless_backlog_is_cut_at_its_old_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr('motor_sysid.nodes.pipeline.LONGEST_BACKLOG', 100)
+    target = pipeline()
+    push(target, 150)
+    assert target.collect() == 100
+    assert target.overrun == 50
+    target.advance()
+    record = target.record()
+    assert record is not None
+    assert record['voltage'][0] == 51.0
+
+
+def test_percentiles_of_times_are_right_to_five_percent() -> None:
+    times = Times()
+    for k in range(1, 1001):
+        times.add(k * 1e-5)
+    assert times.percentile(0.5) == pytest.approx(5e-3, rel=0.06)
+    assert times.percentile(0.99) == pytest.approx(9.9e-3, rel=0.06)
+    assert times.percentile(1.0) == times.longest == 0.01
 
 
 def test_a_signal_without_a_topic_is_named() -> None:

@@ -7,17 +7,39 @@ from dataclasses import dataclass
 import math
 import time
 
-import numpy as np
-
 from motor_sysid.estimation.stream import Event
 from motor_sysid.nodes.intake import RawTopic
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.statuses import Status
 
-TIMES = 20_000
-"""Batches whose working time is remembered."""
+SHORTEST, GROWTH, BINS = 1e-6, math.log(1.05), 380
+"""Shortest time that is told apart (s), logarithmic width of a bin, bins: up to 100 s."""
+SHARES = {'p50': 0.5, 'p90': 0.9, 'p99': 0.99, 'p99_9': 0.999, 'max': 1.0}
 ERRORS = 500
 """Residuals over which the model error is averaged."""
+
+
+class Times:
+    """Working times in bins that grow by 5 %: any number of them, in a fixed amount of memory."""
+
+    def __init__(self) -> None:
+        self._counts = [0] * BINS
+        self.longest = 0.0
+
+    def add(self, seconds: float) -> None:
+        """Count one time."""
+        bin_number = int(math.log(max(seconds, SHORTEST) / SHORTEST) / GROWTH)
+        self._counts[min(bin_number, BINS - 1)] += 1
+        self.longest = max(self.longest, seconds)
+
+    def percentile(self, share: float) -> float:
+        """Return the time in s that this share (0 to 1) does not exceed, to 5 %; NaN if none."""
+        total, seen = sum(self._counts), 0
+        for k, count in enumerate(self._counts):
+            seen += count
+            if seen and seen >= share * total:
+                return min(SHORTEST * math.exp((k + 1) * GROWTH), self.longest)
+        return math.nan
 
 
 @dataclass
@@ -25,6 +47,7 @@ class Batch:
     """One look at the topics."""
 
     messages: int = 0
+    waiting: bool = False
 
 
 class Health:
@@ -38,7 +61,7 @@ class Health:
 
     def __init__(self, pipeline: Pipeline, topics: Sequence[RawTopic]) -> None:
         self._pipeline, self._topics = pipeline, topics
-        self._times: deque[float] = deque(maxlen=TIMES)
+        self._times, self._cpu = Times(), Times()
         self._residuals: dict[str, deque[float]] = {}
         self._before = self._totals()
         self.refits = 0
@@ -47,10 +70,11 @@ class Health:
     def timed(self) -> Iterator[Batch]:
         """Measure one batch; empty ones do not count."""
         batch = Batch()
-        begin = time.perf_counter()
+        begin, worked = time.perf_counter(), time.thread_time()
         yield batch
-        if batch.messages:
-            self._times.append(time.perf_counter() - begin)
+        if batch.messages or batch.waiting:
+            self._times.add(time.perf_counter() - begin)
+            self._cpu.add(time.thread_time() - worked)
 
     def note(self, event: Event) -> None:
         """Remember the residuals."""
@@ -74,7 +98,8 @@ class Health:
     def _intake(self, cpu: float, rate: float) -> Status:
         counts, stream = self._pipeline.join.counts, self._pipeline.stream
         lost = {f'lost {topic.resolved}': topic.lost for topic in self._topics}
-        bad = sum(lost.values()) + counts.dropped + self._pipeline.not_finite
+        bad = sum(lost.values()) + counts.dropped
+        bad += self._pipeline.not_finite + self._pipeline.overrun
         values: dict[str, object] = {
             'messages_per_s': rate,
             'samples': stream.samples,
@@ -85,6 +110,8 @@ class Health:
             'overflow': counts.overflow,
             'restarts': counts.restarts,
             'not_finite': self._pipeline.not_finite,
+            'overrun': self._pipeline.overrun,
+            'backlog': self._pipeline.collect(),
             'gaps': stream.gaps,
             'missing': stream.missing,
             'cpu_share': cpu,
@@ -98,10 +125,12 @@ class Health:
         return Status('identifier: intake', values)
 
     def _percentiles(self) -> dict[str, float]:
-        if not self._times:
-            return {}
-        p50, p99, top = np.percentile(np.array(self._times), [50, 99, 100]) * 1e3
-        return {'batch_p50_ms': float(p50), 'batch_p99_ms': float(p99), 'batch_max_ms': float(top)}
+        """Say how long batches took by the clock, and of the processor: a busy one interrupts."""
+        return {
+            f'{kind}_{name}_ms': 1e3 * times.percentile(share)
+            for kind, times in (('batch', self._times), ('batch_cpu', self._cpu))
+            for name, share in SHARES.items()
+        }
 
     def _model(self, noise: Mapping[str, float]) -> Status:
         """Compare what the model leaves with the noise that the last refit found."""

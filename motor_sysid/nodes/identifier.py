@@ -73,7 +73,11 @@ class IdentifierSettings:
     prediction_rate: float = parameter(
         50.0, 'Predictions and residuals published per second of sample time.', 'Hz', 0.01, 2000
     )
-    drain_period: float = parameter(0.004, 'Messages are taken this often.', 's', 0.0005, 0.1)
+    drain_period: float = parameter(0.002, 'Messages are taken this often.', 's', 0.0005, 0.1)
+    time_budget: float = parameter(
+        0.0005, 'Time for the estimator at a stretch; samples that it does not get to wait.', 's',
+        1e-5, 1, live=True,
+    )  # fmt: skip
     refit_period: float = parameter(
         0.0, 'Refit after this much sample time; 0 for on request only.', 's', 0, 1e5, live=True
     )
@@ -162,13 +166,15 @@ class IdentifierNode(LoopNode):
     def step(self) -> None:
         """Take what has come, and publish what is due."""
         with self._health.timed() as batch:
+            batch.waiting = self.hurry
             for k, topic in enumerate(self._topics):
                 messages = topic.drain()
                 batch.messages += len(messages)
                 for message in messages:
                     self._pipeline.push(k, message.data, message.received)
-            for event in self._pipeline.advance():
+            for event in self._pipeline.advance(self.settings.value.time_budget):
                 self._publish(event)
+        self.hurry = self._pipeline.collect() > 0
         self._look()
 
     def close(self) -> None:

@@ -57,6 +57,10 @@ class NodeProcesses:
                 start_new_session=True, preexec_fn=_die_with_parent,
             )  # fmt: skip
 
+    def process_id(self, name: str) -> int:
+        """Return the process id of a running node."""
+        return self._running[name].pid
+
     def log(self, name: str) -> Path:
         """Return the log file of a node."""
         return self._folder / f'{name}.log'

@@ -33,6 +33,9 @@ class LoopNode(Node, ABC):
 
     period: float = 0.005
 
+    hurry: bool = False
+    """Whether work waits, so that the next step is due at once."""
+
     @abstractmethod
     def step(self) -> None:
         """Do what is due now; must not block."""
@@ -66,6 +69,8 @@ class Loop:
             self._executor.spin_once(timeout_sec=0)
             self._next_service = now + SERVICE_PERIOD
         self._node.step()
+        if self._node.hurry:
+            return
         self._next_step = max(self._next_step + self._node.period, time.monotonic())
         time.sleep(max(0.0, self._next_step - time.monotonic()))
 

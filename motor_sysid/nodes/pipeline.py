@@ -4,11 +4,12 @@ The live node and the replay of a bag both use this, so that the same messages g
 estimates, bit for bit.
 """
 
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 import math
+import time
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +18,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import EstimateStream, Event
 from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.recording.sources import Source
-from motor_sysid.signals.join import StampJoin
+from motor_sysid.signals.join import Row, StampJoin
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
@@ -36,6 +37,9 @@ DEFAULT_SOURCES = (
 
 OPTIONAL = frozenset({'position'})
 """Signals without which estimation goes on."""
+
+LONGEST_BACKLOG = 100_000
+"""Samples that may wait for the estimator before the oldest are dropped."""
 
 
 @dataclass(frozen=True)
@@ -151,6 +155,8 @@ class Pipeline:
         Every signal of the window, in order.
     not_finite:
         Samples with a value that is no finite number where one is needed.
+    overrun:
+        Samples dropped because the estimator is slower than they come.
     """
 
     def __init__(
@@ -179,6 +185,9 @@ class Pipeline:
         self._needed = [k for k, name in enumerate(self.signals) if name not in OPTIONAL]
         self.window = Window(window, len(self.signals))
         self._starts = np.empty(0, dtype=np.int64)
+        self._ready: deque[Row] = deque()
+        self._cost = 1e-4
+        self.overrun = 0
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
@@ -189,11 +198,40 @@ class Pipeline:
         else:
             self.join.push(topic, received, values)
 
-    def advance(self) -> list[Event]:
-        """Work on the samples that are complete; return what is to be published."""
-        rows = self.join.pop()
-        if not rows:
-            return []
+    def collect(self) -> int:
+        """Join what was pushed; return how many samples wait to be worked on."""
+        self._ready.extend(self.join.pop())
+        surplus = len(self._ready) - LONGEST_BACKLOG
+        for _ in range(surplus):
+            self._ready.popleft()
+        self.overrun += max(surplus, 0)
+        return len(self._ready)
+
+    def advance(self, budget: float = math.inf) -> list[Event]:
+        """Work on the samples that are complete; return what is to be published.
+
+        Parameters
+        ----------
+        budget:
+            Stop when about this much time (s) has passed; the rest stays for the next call.  What
+            comes out does not depend on it.
+        """
+        begin, worked = time.perf_counter(), False
+        events: list[Event] = []
+        while self.collect():
+            left = budget - (time.perf_counter() - begin)
+            if worked and left <= 0:
+                break
+            size = len(self._ready) if budget == math.inf else int(max(left, 0) / self._cost) or 1
+            rows = [self._ready.popleft() for _ in range(min(size, len(self._ready)))]
+            start = time.perf_counter()
+            events += self._work(rows)
+            worked = True
+            taken = (time.perf_counter() - start) / len(rows)
+            self._cost = max(0.8 * self._cost + 0.2 * taken, 1e-6)
+        return events
+
+    def _work(self, rows: Sequence[Row]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
         values = np.array([row[1] for row in rows], dtype=np.float64)
         for k in self._convert:
@@ -227,6 +265,7 @@ class Pipeline:
 
     def reset(self) -> None:
         """Start anew with the next sample."""
+        self._ready.clear()
         self.stream.reset()
         self.window.clear()
 

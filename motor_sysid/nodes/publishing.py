@@ -18,8 +18,8 @@ from sensor_msgs.msg import JointState
 from motor_sysid.nodes.statuses import Status, text_of
 
 SECOND = 1_000_000_000
-DEPTH = 2000
-"""Samples kept for a reader that is late: 2 s at 1 kHz, twice the longest stall seen."""
+DEPTH = 5000
+"""Samples kept for a reader that is late: 5 s at 1 kHz."""
 
 STREAM = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(

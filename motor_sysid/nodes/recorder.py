@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from pathlib import Path
 import time
 
 from rclpy.context import Context
@@ -10,6 +11,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 
 from motor_sysid.errors import UserError
+from motor_sysid.nodes.bag_thread import BagThread
 from motor_sysid.nodes.intake import adapted_qos, RawTopic
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
@@ -60,8 +62,9 @@ class RecorderNode(LoopNode):
         self._diagnostics = DiagnosticsPublisher(self, '/diagnostics', QoSProfile(depth=10))
         self._simulated = bool(self.get_parameter('use_sim_time').value)
         name = s.path or f'bag_{datetime.now().astimezone():%Y%m%d_%H%M%S}'
-        self._writer = BagWriter(name, s.storage)
-        self.get_logger().info(f'recording to {self._writer.path.resolve()}')
+        self._path = Path(name).resolve()
+        self._bag = BagThread(lambda: BagWriter(self._path, s.storage))
+        self.get_logger().info(f'recording to {self._path}')
 
     def step(self) -> None:
         """Write what has come; look for new topics now and then."""
@@ -80,17 +83,17 @@ class RecorderNode(LoopNode):
         """Write what has come up to now and close the bag."""
         for topic in self._topics.values():
             self._write(topic)
-        self._writer.close()
-        total, lost = sum(self._writer.counts.values()), self._lost()
+        self._bag.close()
         self.get_logger().info(
-            f'{total} messages on {len(self._topics)} topics, {lost} lost: {self._writer.path}'
+            f'{self._bag.written} messages on {len(self._topics)} topics, {self._lost()} lost: '
+            f'{self._path}'
         )
 
     def _write(self, topic: RawTopic) -> None:
         messages = topic.drain()
         received = now_ns(self.get_clock()) if self._simulated and messages else 0
-        for message in messages:
-            self._writer.write(topic.resolved, received or message.received, message.data)
+        if messages:
+            self._bag.write(topic.resolved, [(received or m.received, m.data) for m in messages])
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
@@ -108,7 +111,7 @@ class RecorderNode(LoopNode):
             topic = RawTopic(
                 self, name, message_type, adapted_qos(offered, QoSProfile(depth=DEPTH))
             )
-            self._writer.add_topic(name, message_type, offered)
+            self._bag.add_topic(name, message_type, offered)
         except UserError as error:
             self._refused.add(name)
             self.get_logger().warning(f'{name} is not recorded: {error}')
@@ -119,9 +122,9 @@ class RecorderNode(LoopNode):
     def _report(self) -> None:
         for topic in self._topics.values():
             topic.adapt()
-        self._writer.flush()
+        self._bag.flush()
         values: dict[str, object] = {
-            'messages': sum(self._writer.counts.values()),
+            'messages': self._bag.written,
             'topics': len(self._topics),
             'lost': self._lost(),
         }
