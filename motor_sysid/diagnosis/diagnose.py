@@ -161,10 +161,10 @@ class _Engine:
         self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
         scores, weighting = score(problem, problem.vector(), tried)
         trials = []
-        for one in best_per_effect(scores, self.settings.refits):
-            if one.delta_bic > 0.0 or not trials:
-                self.tell(f'refitting with {one.variant.effect.card.title}')
-                trials.append(try_effect(one, rung, self.bench, weighting))
+        for starts in best_per_effect(scores, self.settings.refits):
+            if starts[0].delta_bic > 0.0 or not trials:
+                self.tell(f'refitting with {starts[0].variant.effect.card.title}')
+                trials.append(try_effect(starts, rung, self.bench, weighting))
         trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
         return trials
 

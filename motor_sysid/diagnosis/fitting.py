@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
-from motor_sysid.diagnosis.refit import climb, Rung, Trial, try_effect
+from motor_sysid.diagnosis.refit import best_per_effect, climb, Rung, Trial, try_effect
 from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Where
 from motor_sysid.diagnosis.score import score, variants
@@ -109,4 +109,4 @@ def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
         )
     problem = bench.problem(rung.model)
     scores, weighting = score(problem, problem.vector(), found)
-    return try_effect(scores[0], rung, bench, weighting)
+    return try_effect(best_per_effect(scores, 1)[0], rung, bench, weighting)

@@ -26,6 +26,9 @@ UNPHYSICAL = 'unphysical sign'
 FINE = 4
 """Integration steps per sample where one is not enough."""
 
+MANY = 4
+"""Variants above which an effect is refitted from several of them."""
+
 BLOCKS = 20
 MIN_BLOCKS = 0.6
 """Share of held-out blocks in which the error must fall."""
@@ -156,8 +159,16 @@ def profile_cost(model: Model, bench: Bench, weighting: Weighting) -> tuple[floa
     return cost - float(step @ (gradient / scale)), rows
 
 
-def try_effect(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
-    """Refit a scored candidate with every parameter free and pass it through the gates."""
+def try_effect(
+    starts: Sequence[Scored], rung: Rung, bench: Bench, weighting: Weighting
+) -> Trial:
+    """Refit an effect from its best variants and keep the best refit."""
+    trials = [_try_variant(one, rung, bench, weighting) for one in starts]
+    return max(trials, key=lambda t: (t.delta_bic, t.passes))
+
+
+def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
+    """Refit a variant with every parameter free and pass it through the gates."""
     variant = scored.variant
     if _impossible(scored):
         return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
@@ -190,6 +201,10 @@ def _opened(tried: Model, base: Model, scored: Scored) -> Model:
     free += [f'{key}.{a.name}' for a in card.amplitudes]
     free += [f'{key}.{s.name}' for s in card.shapes if s.free]
     start = {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
+    share = 1.0 + start.get(f'{key}.{card.amplitudes[0].name}', 0.0)
+    for name in card.shrinks:
+        p = base.parameters[name]
+        start[name] = float(np.clip(p.value / share, p.lower, p.upper))
     return tried.with_free(free).with_values(start)
 
 
@@ -243,9 +258,12 @@ def parameters_of(model: Model, key: str) -> Mapping[str, tuple[float, str, floa
     }
 
 
-def best_per_effect(scores: Sequence[Scored], limit: int) -> list[Scored]:
-    """Return the best variant of each effect, at most `limit` of them, best first."""
-    best: dict[str, Scored] = {}
+def best_per_effect(scores: Sequence[Scored], limit: int) -> list[list[Scored]]:
+    """Return the best variants of each effect, at most `limit` effects, best first.
+
+    Effects with many variants have many local minima: three starts are kept of them.
+    """
+    best: dict[str, list[Scored]] = {}
     for one in scores:
-        best.setdefault(one.variant.effect.key, one)
-    return list(best.values())[:limit]
+        best.setdefault(one.variant.effect.key, []).append(one)
+    return [group[: 3 if len(group) > MANY else 1] for group in list(best.values())[:limit]]

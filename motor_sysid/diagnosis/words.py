@@ -103,9 +103,10 @@ def _partial(steps: Sequence[Step]) -> list[str]:
 
 def _wrong_parameters(first: Step, last: Step) -> list[str]:
     """Say which base parameters were wrong because of what was missing."""
+    shared = {name for key in last.model.effects for name in effect(key).card.shrinks}
     lines = []
     for p in last.model.parameters.free:
-        if '.' in p.name or not p.logarithmic or p.name not in first.model.parameters:
+        if '.' in p.name or not p.logarithmic or p.name in shared:
             continue
         ratio = first.model[p.name] / p.value
         if ratio > 1.15 or ratio < 1 / 1.15:

@@ -51,6 +51,7 @@ class Scale(Enum):
     CURRENT = 'current'
     VOLTAGE = 'voltage'
     SAMPLE = 'sample time'
+    RATE = 'samples per second'
     DURATION = 'duration'
     HEATING = 'duration / loss energy'
 
@@ -134,6 +135,9 @@ class Card:
         parameter of the special case that it starts from) pairs.
     rotary:
         Whether it needs an angle, and so makes no sense for a linear axis.
+    shrinks:
+        Motor parameters that hold the effect's share while the model lacks it; they are divided by
+        one plus its first amplitude when it is added.
     orders:
         Name of the shape that counts waves per turn, if the data are to be searched for it.
     """
@@ -150,6 +154,7 @@ class Card:
     delay: str = ''
     generalises: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     rotary: bool = False
+    shrinks: tuple[str, ...] = ()
     orders: str = ''
 
     @property

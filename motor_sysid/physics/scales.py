@@ -33,6 +33,7 @@ class Scales:
             Scale.CURRENT: self.current,
             Scale.VOLTAGE: self.voltage,
             Scale.SAMPLE: self.sample,
+            Scale.RATE: 1.0 / self.sample,
             Scale.DURATION: self.duration,
             Scale.HEATING: 1.0 / (self.loss * self.duration),
         }[scale]

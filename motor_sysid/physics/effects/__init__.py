@@ -22,6 +22,7 @@ _FILES = (
     'constant_load_torque',
     'gravity_load',
     'cogging_torque',
+    'flexible_shaft',
     'input_delay',
     'brush_voltage_drop',
     'armature_heating',
