@@ -15,7 +15,7 @@ from motor_sysid.workbench.words import effect_titles
 
 Array = NDArray[np.float64]
 
-TRACE_BYTES = 470_000
+TRACE_BYTES = 400_000
 """Base64 text that all traces of a page may take together."""
 
 POINTS = (1_000, 6_000)

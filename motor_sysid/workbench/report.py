@@ -12,7 +12,8 @@ from motor_sysid.workbench.view import build_view
 
 STYLES = ('uPlot.min.css', 'style.css')
 SCRIPTS = (
-    'uPlot.iife.min.js', 'base.js', 'traces.js', 'where.js', 'tables.js', 'verdict.js', 'app.js',
+    'uPlot.iife.min.js', 'base.js', 'strip.js', 'traces.js', 'pictures.js', 'where.js',
+    'tables.js', 'verdict.js', 'app.js',
 )  # fmt: skip
 """Assets in the order in which the page needs them."""
 

@@ -124,6 +124,15 @@ function prefix(largest, unit) {
   return [1, ''];
 }
 
+/** Limits of an axis with a little room around the values. */
+function padded(low, high) {
+  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [-1, 1];
+  const room = 0.07 * (high - low) || 0.1 * Math.abs(high) || 1;
+  return [low - room, high + room];
+}
+
+const tickText = (value) => minus(String(Number(value.toPrecision(6))));
+
 const finite = (values) => Array.from(values).filter(Number.isFinite);
 function quantile(values, q) {
   const sorted = finite(values).sort((a, b) => a - b);

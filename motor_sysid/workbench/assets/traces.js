@@ -23,12 +23,13 @@ function makeTraces(view) {
   let state = {step: 0, ghost: null, errorOf: view.primary};
   let mark = null;
   let plots = [];
-  let strip = null;
 
   /* Points between two records belong to neither; what comes before one ends with itself. */
   const inside = (t) => view.records.some((r) => t >= r.start && t <= r.end);
   const joints = new Set(view.records.length > 1 ? Array.from(time.keys()).filter((k) => !inside(time[k])) : []);
   const endOf = (k) => (k + 1 < time.length && !joints.has(k + 1) ? time[k + 1] : time[k]);
+
+  const drawStrip = () => strip(view, {time, regimes, endOf, range, stretchName, width: root.clientWidth});
 
   const errorOutputs = () => Object.keys(steps[0].error);
   const nothing = () => new Array(time.length).fill(null);
@@ -281,47 +282,6 @@ function makeTraces(view) {
     return spans;
   }
 
-  function drawStrip() {
-    const canvas = $('#strip');
-    const scale = devicePixelRatio || 1;
-    const width = root.clientWidth;
-    canvas.width = width * scale;
-    canvas.height = 30 * scale;
-    canvas.style.width = `${width}px`;
-    strip = canvas.getContext('2d');
-    strip.scale(scale, scale);
-    const inner = width - AXIS_WIDTH - RIGHT_GAP;
-    const x = (t) => AXIS_WIDTH + ((t - range[0]) / (range[1] - range[0])) * inner;
-    strip.beginPath();
-    strip.rect(AXIS_WIDTH, 0, inner, 30);
-    strip.clip();
-    view.records.forEach((r, k) => stripStretch(r, k, x, inner));
-    if (regimes) stripRegimes(x);
-  }
-
-  function stripStretch(record, k, x, inner) {
-    const [a, b] = [Math.max(AXIS_WIDTH, x(record.start)), Math.min(AXIS_WIDTH + inner, x(record.end))];
-    if (b <= a) return;
-    const held = record.role !== 'train';
-    strip.fillStyle = held ? palette.model : palette.measured;
-    strip.fillRect(a, 13, b - a - 1, 2);
-    strip.fillStyle = palette[held ? 'model' : 'muted'];
-    strip.font = '11px system-ui, sans-serif';
-    const text = stretchName(record, k);
-    if (strip.measureText(text).width < b - a - 4) strip.fillText(text, a + 2, 10);
-  }
-
-  function stripRegimes(x) {
-    for (let k = 0; k + 1 < time.length; k += 1) {
-      if (time[k + 1] < range[0] || time[k] > range[1] || regimes.ids[k] > 3) continue;
-      let last = k;
-      while (last + 2 < time.length && regimes.ids[last + 1] === regimes.ids[k]) last += 1;
-      strip.fillStyle = palette[`regime-${regimes.ids[k]}`];
-      strip.fillRect(x(time[k]), 18, Math.max(0.7, x(endOf(last)) - x(time[k])), 12);
-      k = last;
-    }
-  }
-
   /* --- text ------------------------------------------------------------------------------ */
 
   function stretchName(record) {
@@ -394,11 +354,3 @@ function makeTraces(view) {
   };
   return api;
 }
-
-function padded(low, high) {
-  if (low === null || high === null || !Number.isFinite(low) || !Number.isFinite(high)) return [-1, 1];
-  const room = 0.07 * (high - low) || 0.1 * Math.abs(high) || 1;
-  return [low - room, high + room];
-}
-
-const tickText = (value) => minus(String(Number(value.toPrecision(6))));
