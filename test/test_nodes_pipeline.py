@@ -13,10 +13,10 @@ from rosbags.typesys import get_typestore, Stores
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import EstimateStream, Event, Rates
-from motor_sysid.nodes.health import Times
 from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, plan_topics
 from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
+from motor_sysid.nodes.times import Times
 from motor_sysid.physics.model import Model
 from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.recording.sources import Source
