@@ -5,8 +5,8 @@ function drawHeadline(view) {
   const {verdict} = view;
   const [first, last] = [view.steps[0], view.steps.at(-1)];
   const fall = view.steps.length > 1
-    ? [' Error ', el('b', {class: 'bad'}, brief(first.validation_error_percent)), ' → ',
-      el('b', {class: settled(view, last) ? 'ok' : ''}, brief(last.validation_error_percent)),
+    ? [' Error ', el('b', {class: 'figure bad'}, brief(first.validation_error_percent)), ' → ',
+      el('b', {class: settled(view, last) ? 'figure ok' : 'figure'}, brief(last.validation_error_percent)),
       `, noise floor ${brief(view.noise_floor_percent)}.`]
     : [];
   $('#headline').replaceChildren(
@@ -48,7 +48,7 @@ function drawNow(view, step) {
   const s = view.steps[step];
   const done = settled(view, s);
   const parts = [el('b', {}, `${s.name} · ${effectsText(view, s)}`), ': error ',
-    el('b', {class: done ? 'ok' : 'bad'}, brief(s.validation_error_percent))];
+    el('b', {class: done ? 'figure ok' : 'figure bad'}, brief(s.validation_error_percent))];
   parts.push(s.times_floor === null ? '. ' : `, ${times(s.times_floor)} the noise floor. `);
   parts.push(...worstRegime(s));
   const best = bestOf(s);
