@@ -45,8 +45,6 @@ class Ekf(OnlineEstimator):
 
     Attributes
     ----------
-    nis:
-        Normalized innovation squared of the last sample.
     lost:
         How often the filter had to begin anew because a number was no longer finite.
     """
@@ -71,7 +69,7 @@ class Ekf(OnlineEstimator):
         self._unit = Sizes.per_unit(model)
         self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
         self._filter = ExtendedKalmanFilter(self._n + self._start.size, max(len(outputs), 1))
-        self.nis, self.lost = 0.0, 0
+        self.lost = 0
         self._begin()
 
     def _begin(self) -> None:
@@ -84,12 +82,13 @@ class Ekf(OnlineEstimator):
         self._size, self._seen = 0.0, np.zeros(n)
         self._sizes = self._unit.seen(0.0, self._seen)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
+        self._limit, self._stride = np.zeros(len(self._sensing.state)), self._prior
         self.motion.forget()
 
     def restart(self, y: Array) -> None:
         """Take up the motion from measured outputs; parameters keep what is known of them."""
         n, f = self._n, self._filter
-        state, sigma = self._sensing.start(y, f.x, n, self._sizes.state)
+        state, sigma = self._sensing.start(y, f.x, self._sizes.state)
         f.x[:n] = state
         f.P[:n, :] = f.P[:, :n] = 0.0
         f.P[:n, :n] = np.diag(sigma**2)
@@ -115,16 +114,19 @@ class Ekf(OnlineEstimator):
 
     def _grow(self, u: Array, y: Array) -> None:
         """Widen the priors of amplitudes and offsets as larger inputs and motions are seen."""
-        size = max(self._size, float(np.max(np.abs(u))))
-        seen = np.fmax(self._seen, np.abs(self._sensing.states(y)))
-        sizes = self._unit.seen(size, seen)
-        if size <= _GROWTH * self._size and np.all(sizes.state <= _GROWTH * self._sizes.state):
+        size = float(np.max(np.abs(u)))
+        if size <= _GROWTH * self._size and not np.any(np.abs(y) > self._limit):
             return
+        size = max(size, self._size)
+        np.fmax.at(self._seen, self._sensing.state, np.abs(y))
+        sizes = self._unit.seen(size, self._seen)
         fresh = prior_sigma(self.model, self._coordinates.names, sizes, self._dt)
         self._filter.P[self._index, self._index] += np.maximum(fresh**2 - self._prior**2, 0.0)
-        self._prior = np.maximum(fresh, self._prior)
-        self._size, self._seen, self._sizes = size, seen, sizes
+        self._size, self._sizes, self._prior = size, sizes, np.maximum(fresh, self._prior)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
+        self._stride = np.where(self._coordinates.log, _STRIDE, _STRIDE * self._prior)
+        top = sizes.state >= self._unit.state * size
+        self._limit = np.where(top, np.inf, _GROWTH * sizes.state)[self._sensing.state]
         self._sensing.begin(sizes.state, self._dt)
 
     def _predict(self, time: float, h: float, u: Array) -> None:
@@ -158,14 +160,20 @@ class Ekf(OnlineEstimator):
         if z.size == 0:
             return
         innovation = z - rows @ f.x
-        noise, doubt = self._sensing.judge(innovation, np.einsum('ij,jk,ik->i', rows, f.P, rows))
+        cross = f.P @ rows.T
+        noise, doubt = self._sensing.judge(innovation, np.diag(rows @ cross), f.x)
         if doubt:
             self._widen()
-        noise = self._cautious(rows, innovation, noise)
+            cross = f.P @ rows.T
+        noise = self._cautious(cross, rows @ cross + np.diag(noise), innovation, noise)
         f.update(z, lambda x: rows, lambda x: rows @ x, np.diag(noise))
         f.P = 0.5 * (f.P + f.P.T)
         f.x[self._n :] = np.clip(f.x[self._n :], *self._box)
-        self.nis = float(f.y @ np.linalg.solve(f.S, f.y))
+
+    @property
+    def nis(self) -> float:
+        """Normalized innovation squared of the last sample."""
+        return float(self._filter.y @ np.linalg.solve(self._filter.S, self._filter.y))
 
     def _widen(self) -> None:
         """Trust the prediction less, but no parameter less than before any data."""
@@ -175,14 +183,19 @@ class Ekf(OnlineEstimator):
         scale[self._index] /= np.sqrt(np.maximum(over, 1.0))
         f.P = scale[:, np.newaxis] * f.P * scale
 
-    def _cautious(self, rows: Array, innovation: Array, noise: Array) -> Array:
-        """Return noise so much larger that no parameter moves far in this sample."""
-        cross = self._filter.P @ rows.T
-        total = rows @ cross + np.diag(noise)
+    def _cautious(self, cross: Array, total: Array, innovation: Array, noise: Array) -> Array:
+        """Return noise so much larger that no parameter moves far in this sample.
+
+        Parameters
+        ----------
+        cross, total:
+            (d, k) covariance of state and innovation, (k, k) variance of the innovation.
+        innovation, noise:
+            (k,) innovation and noise variances.
+        """
         move = np.abs(cross[self._n :] @ np.linalg.solve(total, innovation))
-        limit = np.where(self._coordinates.log, _STRIDE, _STRIDE * self._prior)
-        ratio = float(np.max(move / limit, initial=1.0))
-        return np.asarray(noise + (ratio - 1.0) * np.diag(total))
+        ratio = float(np.max(move / self._stride, initial=1.0))
+        return noise if ratio == 1.0 else noise + (ratio - 1.0) * np.diag(total)
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters with their standard deviations."""

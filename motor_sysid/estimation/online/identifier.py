@@ -1,6 +1,7 @@
 """Feed time stamped samples to an online estimator: gaps, dropouts, delays and running errors."""
 
 from collections.abc import Mapping, Sequence
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -72,7 +73,8 @@ class OnlineIdentifier:
         self._held = np.zeros(len(self._columns))
         self._prediction = np.full(len(outputs), np.nan)
         self._residual = np.full(len(outputs), np.nan)
-        self._power = np.zeros((3, len(outputs)))
+        self._power = np.zeros((len(outputs), 3))
+        self._keep = math.exp(-self.dt / _ERROR_MEMORY)
 
     def update(self, t: Array, inputs: Array, outputs: Array) -> None:
         """Take samples in order.
@@ -114,10 +116,13 @@ class OnlineIdentifier:
 
     def _note(self, y: Array) -> None:
         """Keep mean squares of the residual and of the signal over the last 2 s or so."""
-        seen = np.isfinite(self._residual)
-        fade = np.where(seen, np.exp(-self.dt / _ERROR_MEMORY), 1.0)
-        fresh = np.vstack([self._residual**2, y**2, np.ones_like(y)])
-        self._power = fade * self._power + (1 - fade) * np.where(seen, fresh, 0.0)
+        keep = self._keep
+        for j, residual in enumerate(self._residual):
+            if residual == residual:  # not NaN
+                power = self._power[j]
+                power[0] = keep * power[0] + (1 - keep) * residual * residual
+                power[1] = keep * power[1] + (1 - keep) * y[j] * y[j]
+                power[2] = keep * power[2] + (1 - keep)
 
     def estimate(self) -> Mapping[str, Estimate]:
         """Return value, sigma, unit and identifiability of every free parameter."""
@@ -133,13 +138,13 @@ class OnlineIdentifier:
 
     def errors(self) -> Mapping[str, float]:
         """Return the RMS of the residual of each output over the last 2 s, NaN before any."""
-        weight = np.where(self._power[2] > 0, self._power[2], np.nan)
-        return dict(zip(self.outputs, np.sqrt(self._power[0] / weight).tolist(), strict=True))
+        weight = np.where(self._power[:, 2] > 0, self._power[:, 2], np.nan)
+        return dict(zip(self.outputs, np.sqrt(self._power[:, 0] / weight).tolist(), strict=True))
 
     def errors_percent(self) -> Mapping[str, float]:
         """Return the same over the RMS of the measured signal, in percent."""
-        signal = np.where(self._power[1] > 0, self._power[1], np.nan)
-        ratio = 100 * np.sqrt(self._power[0] / signal)
+        signal = np.where(self._power[:, 1] > 0, self._power[:, 1], np.nan)
+        ratio = 100 * np.sqrt(self._power[:, 0] / signal)
         return dict(zip(self.outputs, ratio.tolist(), strict=True))
 
     def current_model(self) -> Model:

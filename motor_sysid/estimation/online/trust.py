@@ -1,0 +1,114 @@
+"""How much to believe each measurement and the filter itself, learned from the innovations.
+
+Noise is read from the change of the innovation from sample to sample, so that a wrong model, whose
+innovations change slowly, is not taken for noise.  A lone jump is a spike and counts little; a
+second one in a row is believed.  Innovations that stay too large or keep their sign say that the
+filter trusts itself too much.
+"""
+
+from numba import njit
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+_PATIENCE = 20.0
+_LONGEST = 3000.0
+_SPIKE = 16.0
+_TALLEST = 9.0
+_MOMENT = 50.0
+_LARGE = 1.5
+_BIAS = 12.0
+
+_NOISE, _LAST, _POWER, _MEAN, _COUNT, _SUSPECT, _QUANTUM, _BEFORE = range(8)
+
+
+class Trust:
+    """What is known of the noise of some channels.
+
+    Parameters
+    ----------
+    channels:
+        How many.
+    """
+
+    def __init__(self, channels: int) -> None:
+        self._table = np.zeros((8, channels))
+        self._table[_POWER] = 1.0
+        self._table[_QUANTUM] = np.inf
+        self._table[_BEFORE] = np.nan
+
+    @property
+    def variance(self) -> Array:
+        """Noise variance of each channel."""
+        return np.asarray(self._table[_NOISE])
+
+    def guess(self, variance: Array) -> None:
+        """Set the noise of channels that were never measured yet."""
+        fresh = self._table[_COUNT] == 0
+        self._table[_NOISE, fresh] = variance[fresh]
+
+    def forget_last(self) -> None:
+        """Compare the next sample with none before it."""
+        self._table[_BEFORE] = np.nan
+        self._table[_SUSPECT] = 0.0
+
+    def see(self, values: Array) -> None:
+        """Note the smallest change of each channel: noise is not less than rounding."""
+        table = self._table
+        change = np.abs(values - table[_BEFORE])
+        smaller = (change > 1e-9 * np.abs(values)) & (change < table[_QUANTUM])
+        table[_QUANTUM, smaller] = change[smaller]
+        table[_BEFORE] = values
+
+    def judge(
+        self, rows: NDArray[np.intp], innovation: Array, spread: Array
+    ) -> tuple[Array, NDArray[np.bool_], bool]:
+        """Learn from an innovation.
+
+        Parameters
+        ----------
+        rows:
+            (k,) channels.
+        innovation, spread:
+            (k,) measured minus predicted, and its variance without noise.
+
+        Returns
+        -------
+        noise, spike, doubt:
+            (k,) noise variances, larger for spikes; (k,) which are spikes; whether the filter
+            trusts itself too much.
+        """
+        noise, spike = np.empty(rows.size), np.zeros(rows.size, dtype=np.bool_)
+        doubt = _judge(self._table, rows, innovation, spread, noise, spike)
+        return noise, spike, bool(doubt)
+
+
+@njit(cache=True, error_model='numpy')
+def _judge(table, rows, innovation, spread, noise, spike):  # type: ignore[no-untyped-def]
+    doubt = False
+    for k in range(rows.size):
+        row, value = rows[k], innovation[k]
+        floor = table[_QUANTUM, row] ** 2 / 12 if table[_QUANTUM, row] < np.inf else 0.0
+        variance = max(table[_NOISE, row], floor)
+        total = spread[k] + variance
+        half = 0.5 * (value - table[_LAST, row]) ** 2
+        excess = half / total / _SPIKE
+        if excess > 1 and table[_SUSPECT, row] == 0.0:
+            table[_SUSPECT, row] = 1.0
+            spike[k] = True
+            noise[k] = excess * total - spread[k]
+            continue
+        table[_SUSPECT, row] = 0.0
+        noise[k] = variance
+        table[_LAST, row] = value
+        table[_COUNT, row] += 1
+        weight = 1.0 / min(_PATIENCE + table[_COUNT, row], _LONGEST)
+        table[_NOISE, row] = variance + weight * (min(half, _TALLEST * variance) - variance)
+        power = min(value * value / total, _TALLEST * max(table[_POWER, row], 1.0))
+        table[_POWER, row] += (power - table[_POWER, row]) / _MOMENT
+        step = min(max(value / np.sqrt(total), -3.0), 3.0)
+        table[_MEAN, row] += (step - table[_MEAN, row]) / _MOMENT
+        biased = 2 * _MOMENT * table[_MEAN, row] ** 2 > _BIAS
+        doubt = doubt or biased or table[_POWER, row] > _LARGE
+    return doubt
