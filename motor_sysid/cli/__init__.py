@@ -59,7 +59,7 @@ def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:
     )
     parser.add_argument('--version', action='version', version=f'motor-sysid {__version__}')
     verbs = parser.add_subparsers(dest='verb', metavar='VERB', required=True)
-    called = [name for name in VERBS if name in arguments[:1]]
+    called = [name for name in VERBS if name in arguments[:1] and _exists(name)]
     for name in called or filter(_exists, VERBS):
         verb = _verb(name)
         one = verbs.add_parser(name, help=verb.HELP, description=verb.HELP, allow_abbrev=False)

@@ -115,9 +115,10 @@ def _show_rich(console: object, loaded: 'Loaded', findings: Sequence['Finding'])
     from rich.table import Table
 
     assert isinstance(console, Console)
-    signals = Table('signal', 'range', 'unit', 'from', title=loaded.source, title_justify='left')
+    console.print(_literal(loaded.source), style='bold')
+    signals = Table('signal', 'range', 'unit', 'from')
     for row in _ranges(loaded):
-        signals.add_row(*row)
+        signals.add_row(*map(_literal, row))
     console.print(signals)
     table = Table('', 'found', 'consequence', 'what to do', show_lines=True)
     for finding in findings:

@@ -1,6 +1,7 @@
 """Read msg_config files: which topic or column carries which signal, in which unit and sign."""
 
 from collections.abc import Callable, Collection, Hashable, Mapping
+import math
 from pathlib import Path
 
 import yaml
@@ -115,9 +116,19 @@ class _Reader:
         try:
             if isinstance(value, bool) or not isinstance(value, (int, float, str)):
                 raise ValueError
-            return float(value)  # YAML reads 1e-3 as a text
+            number = float(value)  # YAML reads 1e-3 as a text
+            if not math.isfinite(number):
+                raise ValueError
+            return number
         except ValueError:
             raise self.fail(_join(where, key), f'must be a number, not `{value}`') from None
+
+    def flag(self, table: Table, key: str, where: str) -> bool:
+        """Return a true-or-false entry."""
+        value = table.get(key, False)
+        if not isinstance(value, bool):
+            raise self.fail(_join(where, key), f'must be true or false, not `{value}`')
+        return value
 
     def names(self, table: Table, key: str, where: str) -> tuple[str, ...]:
         """Return an entry that lists texts (one alone may stand without brackets)."""
@@ -184,7 +195,7 @@ class _Reader:
             stamp=self.text(table, 'stamp', stamp, where),
             stamp_unit=self.text(table, 'stamp_unit', 's', where),
             when=self.condition(table.get('when'), where),
-            optional=table.get('optional', False) is True,
+            optional=self.flag(table, 'optional', where),
         )
         self.check_source(source, where)
         return source

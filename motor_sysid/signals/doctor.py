@@ -44,10 +44,12 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
 
 
 def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Sort findings, errors first; of two with one code and message, one stays."""
+    """Sort findings, errors first; what repeats, or says less of the same, is left out."""
     order = [Severity.ERROR, Severity.WARNING, Severity.INFO]
     unique = {(finding.code, finding.message): finding for finding in findings}
-    return tuple(sorted(unique.values(), key=lambda finding: order.index(finding.severity)))
+    ranked = sorted(unique.values(), key=lambda finding: order.index(finding.severity))
+    most = {finding.code: finding.severity for finding in reversed(ranked)}
+    return tuple(finding for finding in ranked if finding.severity is most[finding.code])
 
 
 def require_usable(findings: Iterable[Finding]) -> None:

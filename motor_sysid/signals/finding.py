@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
+import math
 
 
 class Severity(StrEnum):
@@ -51,7 +52,7 @@ class Finding:
             'message': self.message,
             'consequence': self.consequence,
             'remedy': self.remedy,
-            'numbers': {name: float(value) for name, value in self.numbers.items()},
+            'numbers': {n: float(x) for n, x in self.numbers.items() if math.isfinite(x)},
         }
 
 

@@ -30,6 +30,10 @@ CLOSE = 0.022
 """Relative distance at which a ratio is taken as one of these."""
 SAME = 0.1
 """Relative distance from 1 that a position and its speed may have."""
+LEAST = 5e-4
+"""Ratio below which no unit or gear explains why the position hardly moves."""
+TINY = 1e-30
+"""A signal that varies less than this does not vary."""
 SPREAD = 0.15
 """Spread of the ratio over the record at which it still counts as one number."""
 FASTEST = 2500.0
@@ -102,7 +106,7 @@ def _position_against_speed(record: Record) -> Iterator[Finding]:
         return
     numbers = {'ratio': slope.ratio, 'spread': slope.spread}
     size = abs(slope.ratio)
-    if slope.spread > SPREAD:
+    if slope.spread > SPREAD or size < LEAST:
         if abs(size - 1) > 0.5:
             yield Finding(
                 Severity.WARNING, 'position_speed_disagree',
@@ -268,7 +272,7 @@ def voltage_balance(record: Record) -> VoltageBalance | None:
     voltage = smoothed(record[driver], width)
     names = ['speed', *([current] if current else [])]
     columns = [smoothed(record[name], width) for name in names]
-    if np.ptp(voltage) == 0 or any(np.ptp(column) == 0 for column in columns):
+    if min(np.std(column) for column in (voltage, *columns)) < TINY:
         return None
     without, _ = _line(columns[:1], voltage)
     left, slopes = _line(columns, voltage)

@@ -12,6 +12,8 @@ from motor_sysid.signals.record import Record
 
 SLOW = frozenset({'temperature', 'supply_voltage', 'hall_sector'})
 """Signals that may be constant or in coarse steps without harm."""
+ABSURD = 1e30
+"""No signal of a motor is larger in SI."""
 COARSE = 0.1
 """A step of more than this many RMS is coarse."""
 AT_LIMIT = 0.005
@@ -23,7 +25,7 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     for name in dict.fromkeys(name for record in records for name in record):
         having = [record for record in records if name in record]
         values = np.concatenate([record[name] for record in having])
-        if not np.all(np.isfinite(values)):
+        if not np.all(np.abs(values) < ABSURD):
             yield _not_finite(name, values)
         elif role_of(name) is Role.MEASURED and name not in SLOW:
             longest = max(having, key=len)
@@ -37,9 +39,10 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
 
 
 def _not_finite(name: str, values: Array) -> Finding:
-    count = int(np.sum(~np.isfinite(values)))
+    count = int(np.sum(~(np.abs(values) < ABSURD)))
     return Finding(
-        Severity.ERROR, 'non_finite', f'{name} has {count} values that are not finite',
+        Severity.ERROR, 'non_finite',
+        f'{name} has {count} values that are not finite or beyond {ABSURD:g}',
         'nothing can be simulated or fitted', 'drop or mend these samples',
         {'count': count},
     )  # fmt: skip

@@ -1,0 +1,244 @@
+"""The data doctor: says what is wrong with spoilt data, and nothing about good data."""
+
+from collections.abc import Callable
+import json
+from pathlib import Path
+
+from hypothesis import given
+from hypothesis import strategies as st
+import numpy as np
+import pytest
+from recording_tools import motor_record
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording import load
+from motor_sysid.signals import Finding, Record
+from motor_sysid.signals.checks.encoder import encoder_of
+from motor_sysid.signals.checks.plausibility import slope_of, voltage_balance
+from motor_sysid.signals.doctor import examine, require_usable
+
+Spoil = Callable[[Record], Record]
+RPM = 60 / (2 * np.pi)
+DEG = 180 / np.pi
+
+
+def found(record: Record | list[Record], k_e: float | None = None) -> dict[str, Finding]:
+    return {f.code: f for f in examine(record, k_e) if f.severity != 'info'}
+
+
+def scaled(name: str, factor: float) -> Spoil:
+    return lambda r: r.with_signal(name, r[name] * factor, r.units[name])
+
+
+def without(*names: str) -> Spoil:
+    return lambda r: r.select([name for name in r if name not in names])
+
+
+def delayed(name: str, samples: int) -> Spoil:
+    def spoil(r: Record) -> Record:
+        values = np.concatenate((np.full(samples, r[name][0]), r[name][:-samples]))
+        return r.with_signal(name, values, r.units[name])
+
+    return spoil
+
+
+def replaced(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Spoil:
+    return lambda r: r.with_signal(name, change(r[name].copy()), r.units[name])
+
+
+def with_encoder(record: Record, counts: int = 2000) -> Record:
+    """Return the record with position and speed as an encoder gives them."""
+    lattice = 2 * np.pi / counts
+    position = np.floor(record['position'] / lattice) * lattice
+    speed = np.diff(position, prepend=position[0]) / record.dt
+    return record.with_signal('position', position, 'rad').with_signal('speed', speed, 'rad/s')
+
+
+GOOD = motor_record(6000)
+
+SPOILT: dict[str, tuple[str, str, Spoil]] = {
+    'speed in rpm': ('speed_unit', 'error', scaled('speed', RPM)),
+    'speed in deg/s': ('speed_unit', 'error', scaled('speed', DEG)),
+    'speed in turns/s': ('speed_unit', 'error', scaled('speed', 1 / (2 * np.pi))),
+    'position in degrees': ('position_unit', 'error', scaled('position', DEG)),
+    'position in turns': ('position_unit', 'error', scaled('position', 1 / (2 * np.pi))),
+    'gear between them': ('gear_ratio', 'error', scaled('position', 30)),
+    'position backward': ('position_sign', 'error', scaled('position', -1)),
+    'speed backward': ('speed_sign', 'error', scaled('speed', -1)),
+    'current backward': ('current_sign', 'error', scaled('current', -1)),
+    'other joint': (
+        'position_speed_disagree', 'warning', replaced('position', lambda x: np.sin(x / 7) * 100)
+    ),
+    'voltage one row late': ('early_response', 'warning', delayed('voltage', 1)),
+    'current 5 rows late': ('late_response', 'warning', delayed('current', 5)),
+    'constant input': (
+        'constant_input', 'warning', replaced('voltage', lambda x: np.full(x.size, 3.0))
+    ),
+    'dead current sensor': (
+        'stuck_channel', 'error', replaced('current', lambda x: np.full(x.size, 0.1))
+    ),
+    'frozen current': (
+        'frozen_stretch', 'warning',
+        replaced('current', lambda x: np.concatenate((x[:2000], np.full(800, x[2000]), x[2800:]))),
+    ),
+    'clipped current': ('saturation', 'warning', replaced('current', lambda x: np.clip(x, -2, 2))),
+    'coarse current': ('quantization', 'warning', replaced('current', np.round)),
+    'one nan': (
+        'non_finite', 'error', replaced('speed', lambda x: np.where(x == x[50], np.nan, x))
+    ),
+    'no input': ('no_input', 'error', without('voltage', 'current')),
+    'no output': ('no_output', 'error', without('speed', 'position', 'current')),
+    'one direction': ('one_direction', 'warning', lambda r: r.select(['voltage'])
+                      .with_signal('speed', np.abs(r['speed']) + 1, 'rad/s')),
+    'short': ('few_samples', 'warning', lambda r: r.slice(0, 150)),
+}  # fmt: skip
+
+
+def test_nothing_is_said_about_good_data() -> None:
+    assert found(GOOD) == {}
+    assert found(with_encoder(GOOD)) == {}
+
+
+@pytest.mark.parametrize('case', SPOILT)
+def test_spoilt_data_is_noticed(case: str) -> None:
+    code, severity, spoil = SPOILT[case]
+    findings = found(spoil(GOOD))
+    assert code in findings
+    finding = findings[code]
+    assert finding.severity == severity
+    assert finding.consequence
+    assert finding.remedy
+    if severity == 'error':
+        with pytest.raises(UserError):
+            require_usable(findings.values())
+
+
+@pytest.mark.parametrize('factor', [RPM, DEG, 1 / (2 * np.pi)])
+def test_unit_of_a_speed_without_position_from_the_encoder_steps(factor: float) -> None:
+    record = without('position')(with_encoder(GOOD))
+    assert 'speed_unit' not in found(record)
+    assert found(scaled('speed', factor)(record))['speed_unit'].severity == 'error'
+
+
+def test_unit_of_a_smooth_speed_from_the_data_sheet() -> None:
+    record = without('position')(GOOD)
+    assert found(record, k_e=0.05) == {}
+    assert found(scaled('speed', RPM)(record), k_e=0.05)['speed_unit'].severity == 'error'
+    assert found(scaled('speed', 4)(record), k_e=0.05)['back_emf_constant']
+
+
+def test_irregular_time() -> None:
+    rng = np.random.default_rng(0)
+    jittery = Record(np.cumsum(rng.uniform(0.2, 1.8, 6000)) * 1e-3, GOOD.signals, GOOD.units)
+    assert 'jitter' in found(jittery)
+    kept = rng.random(6000) > 0.05
+    holes = Record(
+        GOOD.time[kept], {n: GOOD[n][kept] for n in GOOD}, GOOD.units
+    )  # fmt: skip
+    missing = found(holes)['missing_samples']
+    assert missing.numbers['missing'] == pytest.approx(np.sum(~kept), abs=3)
+
+
+def test_motor_that_never_moves() -> None:
+    still = GOOD.with_signal('speed', np.zeros(6000), 'rad/s')
+    codes = found(without('position')(still))
+    assert codes['no_motion'].severity == 'warning'
+    assert found(without('position', 'current')(still))['no_motion'].severity == 'error'
+
+
+def test_rate_and_length_against_the_motor() -> None:
+    slow = Record(
+        GOOD.time[::100], {name: GOOD[name][::100] for name in ('voltage', 'speed')}, GOOD.units
+    )
+    infos = {finding.code for finding in examine(GOOD.slice(0, 6000))}
+    assert {'rate', 'excitation'} <= infos
+    step = np.repeat([0.0, 6.0], 1000)
+    speed = 6 / 0.05 * (1 - np.exp(-np.maximum(np.arange(2000) - 1000, 0) * 1e-3 / 2.0))
+    short = Record(np.arange(2000) * 1e-3, {'voltage': step, 'speed': speed}, GOOD.units)
+    assert 'too_short' in found(short)
+    assert 'too_slow' in found(slow) or len(slow) < 100
+
+
+def test_electrical_part_is_invisible_at_200_hz(data_dir: Path) -> None:
+    record = load(data_dir / 'hidden_effect_cases' / 'motor_d' / 'train_1.csv.gz').records
+    assert 'electrical_invisible' in {finding.code for finding in examine(record)}
+
+
+def test_encoder_is_recognised(data_dir: Path) -> None:
+    cases = {'motor_a/train_1': 2000, 'motor_c/valid': 4096, 'motor_d/train_2': 1920}
+    for name, counts in cases.items():
+        record = load(data_dir / 'hidden_effect_cases' / f'{name}.csv.gz').records[0]
+        encoder = encoder_of(record)
+        assert encoder.differenced
+        assert encoder.counts_per_turn == pytest.approx(counts, abs=0.01)
+
+
+def test_no_false_alarm_on_real_and_realistic_records(data_dir: Path) -> None:
+    """All training and validation records; motor_c really is late, its effect is a delay."""
+    for path in sorted((data_dir / 'hidden_effect_cases').glob('*/*.csv.gz')):
+        expected = {'late_response'} if path.parent.name == 'motor_c' else set()
+        assert set(found(list(load(path).records))) == expected, path
+    emps = load(data_dir / 'emps' / 'emps_train.csv.gz', 'emps')
+    assert found(list(emps.records)) == {}
+    bag = load(data_dir / 'laas_cogging' / 'rosbag2' / 'accel_sine_2Hz_5s_mcap', 'laas_cogging')
+    assert found(list(bag.records)) == {}
+
+
+def test_every_unit_error_on_every_case(data_dir: Path) -> None:
+    for path in sorted((data_dir / 'hidden_effect_cases').glob('*/valid.csv.gz')):
+        record = load(path).records[0]
+        for factor in (RPM, DEG, 1 / (2 * np.pi)):
+            wrong = scaled('speed', factor)(record)
+            assert 'speed_unit' in found(wrong), path
+            assert 'speed_unit' in found(without('position')(wrong)), path
+
+
+def test_several_records_are_judged_together() -> None:
+    forward = scaled('speed', 1)(GOOD)
+    both = [
+        r.select(['voltage', 'speed'])
+        for r in (
+            forward.with_signal('speed', np.abs(GOOD['speed']), 'rad/s'),
+            forward.with_signal('speed', -np.abs(GOOD['speed']), 'rad/s'),
+        )
+    ]
+    assert 'one_direction' in found(both[0])
+    assert 'one_direction' not in found(both)
+    assert {f.code: f for f in examine(both)}['rate'].numbers['records'] == 2
+
+
+def test_slope_and_balance() -> None:
+    slope = slope_of(GOOD)
+    assert slope is not None
+    assert slope.ratio == pytest.approx(1, abs=1e-3)
+    balance = voltage_balance(GOOD)
+    assert balance is not None
+    assert balance.back_emf == pytest.approx(0.05, rel=0.1)
+    assert balance.resistance == pytest.approx(2, rel=0.1)
+
+
+NAMES = ['voltage', 'duty', 'current', 'speed', 'position', 'force', 'voltage_q', 'current_q',
+         'speed_reference', 'temperature', 'hall_sector']  # fmt: skip
+
+
+@given(
+    st.lists(st.sampled_from(NAMES), min_size=1, unique=True),
+    st.integers(2, 400),
+    st.sampled_from(['zeros', 'ones', 'normal', 'steps', 'huge', 'tiny', 'ramp']),
+    st.integers(0, 9),
+    st.booleans(),
+)
+def test_any_record_gets_findings(
+    names: list[str], count: int, shape: str, seed: int, regular: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    noise = rng.standard_normal((len(names), count))
+    values = {
+        'zeros': 0 * noise, 'ones': 0 * noise + 1, 'normal': noise, 'steps': np.round(noise),
+        'huge': noise * 1e150, 'tiny': noise * 1e-200, 'ramp': noise.cumsum(axis=1),
+    }[shape]  # fmt: skip
+    time = np.cumsum(np.full(count, 1e-3) if regular else rng.uniform(1e-4, 1, count))
+    record = Record(time, dict(zip(names, values, strict=True)), dict.fromkeys(names, '1'))
+    for finding in examine(record):
+        assert finding.message
+        assert json.loads(json.dumps(finding.to_dict(), allow_nan=False))['code'] == finding.code
