@@ -53,6 +53,7 @@ class BagThread:
 
         def task(writer: BagWriter) -> None:
             try:
+                writer.flush()  # so that an mcap chunk begins with the topics that it holds
                 writer.add_topic(name, message_type, qos)
             except UserError as error:
                 refused.append(error)
