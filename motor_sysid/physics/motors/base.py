@@ -53,6 +53,45 @@ class Force:
 
 
 @dataclass(frozen=True)
+class Term:
+    """``factors * parameter * product of signals``, or its time derivative.
+
+    Attributes
+    ----------
+    parameter:
+        Motor parameter in which the term is linear, or empty.
+    signals:
+        States and inputs (as laws name them) that are multiplied.
+    factors:
+        Motor parameters that are held and multiply.
+    derivative:
+        Whether the time derivative of the signal is meant.
+    """
+
+    parameter: str
+    signals: tuple[str, ...]
+    factors: tuple[str, ...] = ()
+    derivative: bool = False
+
+
+@dataclass(frozen=True)
+class Balance:
+    """One equation of a motor: ``drive + laws = sum of terms``, linear in its parameters.
+
+    Attributes
+    ----------
+    force:
+        Name of the laws that enter here.
+    drive, terms:
+        Its two sides; the parameter of the drive, if any, belongs to another balance or is held.
+    """
+
+    force: str
+    drive: Term
+    terms: tuple[Term, ...]
+
+
+@dataclass(frozen=True)
 class Motor:
     """A motor kind; one file of this folder each.
 
@@ -77,8 +116,10 @@ class Motor:
         ``values -> (A (P, n, n), B (P, n, n_u), G (P, n, m))`` for arrays of P values each.
     start:
         ``records -> values``: start values read from the records without iteration.
+    balances:
+        Its equations in a form that is linear in the parameters, for recursive regression.
     drive_torque:
-        ``(values, record) -> (N,)`` torque that the motor puts on its shaft, from measured signals.
+        ``(values, record) -> (N,)`` torque that the motor puts on its shaft, as measured.
     """
 
     key: str
@@ -89,6 +130,7 @@ class Motor:
     outputs: tuple[Output, ...]
     forces: tuple[Force, ...]
     parameters: tuple[Parameter, ...]
+    balances: tuple[Balance, ...]
     matrices: Callable[[Values], Matrices]
     start: Callable[[Sequence[Record]], dict[str, float]]
     drive_torque: Callable[[Mapping[str, float], Record], Array]

@@ -15,12 +15,14 @@ import numpy as np
 
 from motor_sysid.physics.motors.base import (
     Array,
+    Balance,
     Force,
     integral_regression,
     Matrices,
     Motor,
     Output,
     stack,
+    Term,
     Values,
     windows,
 )
@@ -54,7 +56,8 @@ def start(records: Sequence[Record]) -> dict[str, float]:
         drive = windows(record['voltage'], length)[0] * dt
         charge, current = windows(record['current'], length)
         angle = windows(measured_speed(record), length)[0] * dt
-        return np.column_stack([charge * dt, current, angle, np.full_like(drive, dt * length)]), drive
+        bias = np.full_like(drive, dt * length)
+        return np.column_stack([charge * dt, current, angle, bias]), drive
 
     r, inductance, k_e, _ = integral_regression(records, electrical)
     k_t = max(k_e, 1e-6)
@@ -63,7 +66,8 @@ def start(records: Sequence[Record]) -> dict[str, float]:
         dt = record.dt
         angle, speed = windows(measured_speed(record), length)
         charge = windows(record['current'], length)[0] * dt
-        return np.column_stack([speed, angle * dt, np.full_like(charge, dt * length)]), k_t * charge
+        bias = np.full_like(charge, dt * length)
+        return np.column_stack([speed, angle * dt, bias]), k_t * charge
 
     inertia, b, _ = integral_regression(records, mechanical)
     dt = records[0].dt
@@ -105,6 +109,22 @@ MOTOR = Motor(
         Parameter('emf_ratio', '1', 1.0, 0.5, 2.0, 'back-EMF over torque constant', free=False),
         Parameter('omega_eps', 'rad/s', 0.1, 1e-9, 1e3, 'width of the sign of speed', free=False),
         Parameter('i_eps', 'A', 0.01, 1e-9, 1e3, 'width of the sign of current', free=False),
+    ),
+    balances=(
+        Balance(
+            'voltage',
+            Term('', ('u',)),
+            (
+                Term('R', ('i',)),
+                Term('L', ('i',), derivative=True),
+                Term('k_t', ('omega',), factors=('emf_ratio',)),
+            ),
+        ),
+        Balance(
+            'torque',
+            Term('k_t', ('i',)),
+            (Term('J', ('omega',), derivative=True), Term('b', ('omega',))),
+        ),
     ),
     matrices=matrices,
     start=start,

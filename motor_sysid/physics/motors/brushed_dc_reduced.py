@@ -14,12 +14,14 @@ import numpy as np
 
 from motor_sysid.physics.motors.base import (
     Array,
+    Balance,
     Force,
     integral_regression,
     Matrices,
     Motor,
     Output,
     stack,
+    Term,
     Values,
     windows,
 )
@@ -67,6 +69,13 @@ MOTOR = Motor(
         Parameter('k_v', 'V s/rad', 0.05, 1e-7, 1e4, 'voltage per steady speed'),
         Parameter('k_a', 'V s^2/rad', 1e-3, 1e-9, 1e4, 'voltage per acceleration'),
         Parameter('omega_eps', 'rad/s', 0.1, 1e-9, 1e3, 'width of the sign of speed', free=False),
+    ),
+    balances=(
+        Balance(
+            'torque',
+            Term('', ('u',)),
+            (Term('k_a', ('omega',), derivative=True), Term('k_v', ('omega',))),
+        ),
     ),
     matrices=matrices,
     start=start,

@@ -14,12 +14,14 @@ import numpy as np
 
 from motor_sysid.physics.motors.base import (
     Array,
+    Balance,
     Force,
     integral_regression,
     Matrices,
     Motor,
     Output,
     stack,
+    Term,
     Values,
     windows,
 )
@@ -73,6 +75,13 @@ MOTOR = Motor(
         Parameter('b', 'N m s/rad', 1e-3, 1e-12, 1e6, 'viscous friction'),
         Parameter('gain', '1', 1.0, 1e-9, 1e9, 'torque per unit of input', free=False),
         Parameter('omega_eps', 'rad/s', 0.1, 1e-9, 1e3, 'width of the sign of speed', free=False),
+    ),
+    balances=(
+        Balance(
+            'torque',
+            Term('', ('u',), factors=('gain',)),
+            (Term('J', ('omega',), derivative=True), Term('b', ('omega',))),
+        ),
     ),
     matrices=matrices,
     start=start,
