@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.rollout import simulate
 from motor_sysid.signals.record import Provenance, Record
-import numpy as np
 
 MOTOR = {
     'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5, 'omega_eps': 0.02,

@@ -7,14 +7,15 @@ seeds, motors and sizes.
 import json
 
 from bench_motor import CURRENT_NOISE, MOTOR, records
+import numpy as np
+import pytest
+
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 from motor_sysid.diagnosis.document import diagnosis_document
 from motor_sysid.diagnosis.fitting import add_effect, compare_model, fit_model
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
-import numpy as np
-import pytest
 
 HIDDEN = {
     'coulomb_friction': {'tau_c': 6e-3},
@@ -56,12 +57,14 @@ def test_a_complete_model_is_called_complete(seed):
     *train, held = records({}, seed=seed)
     found = diagnose(train, [held])
     assert found.verdict is Verdict.COMPLETE
-    assert found.effects == () and len(found.steps) == 1
+    assert found.effects == ()
+    assert len(found.steps) == 1
     model = found.model
     for name in ('R', 'L', 'k_t', 'J'):
         p = model.parameters[name]
         assert p.value == pytest.approx(MOTOR[name], rel=0.01)
-        assert p.sigma is not None and 0 < p.sigma < 0.01 * p.value
+        assert p.sigma is not None
+        assert 0 < p.sigma < 0.01 * p.value
 
 
 def test_two_effects_are_both_named():
@@ -77,7 +80,8 @@ def test_two_effects_are_both_named():
 def test_the_true_effect_out_of_the_catalogue_is_not_blamed_on_a_stranger():
     """Trap: if the truth is not among the candidates, the nearest neighbour wins confidently."""
     *train, held = records({'cogging_torque': HIDDEN['cogging_torque']})
-    found = diagnose(train, [held], effects=['brush_voltage_drop', 'armature_heating', 'input_delay'])
+    others = ['brush_voltage_drop', 'armature_heating', 'input_delay']
+    found = diagnose(train, [held], effects=others)
     assert found.verdict is Verdict.UNKNOWN_EFFECT
     assert found.effects == ()
     assert any('catalogue' in line for line in found.reasons)
@@ -140,17 +144,21 @@ def friction() -> Diagnosis:
 def test_the_document_keeps_its_contract(friction):
     document = diagnosis_document(friction)
     assert document['schema'] == 'motor_sysid/diagnosis/1'
-    assert document['verdict'] == 'effect_missing' and document['effects'] == ['coulomb_friction']
+    assert document['verdict'] == 'effect_missing'
+    assert document['effects'] == ['coulomb_friction']
     first, last = document['steps'][0], document['steps'][-1]
-    assert first['effects'] == [] and last['effects'] == ['coulomb_friction']
+    assert first['effects'] == []
+    assert last['effects'] == ['coulomb_friction']
     assert first['validation_error_percent'] > last['validation_error_percent']
     best = document['candidates'][0]
-    assert best['effect'] == 'coulomb_friction' and best['equation'] == 'mechanical'
+    assert best['effect'] == 'coulomb_friction'
+    assert best['equation'] == 'mechanical'
     assert best['parameters']['tau_c']['unit'] == 'N m'
     assert {w['axis'] for w in document['where']} >= {'speed', 'current', 'position', 'time'}
     for where in document['where']:
         assert len(where['bins']) == len(where['error_percent']) + 1
-    assert document['reasons'] and json.dumps(document)
+    assert document['reasons']
+    assert json.dumps(document)
 
 
 def test_the_noise_floor_is_that_of_the_sensors(friction):
@@ -161,7 +169,9 @@ def test_the_noise_floor_is_that_of_the_sensors(friction):
 
 def test_evidence_curve_shows_the_step_at_zero_speed(friction):
     curve = friction.steps[0].candidates[0].curve
-    assert curve is not None and curve.axis == 'speed' and curve.law is not None
+    assert curve is not None
+    assert curve.axis == 'speed'
+    assert curve.law is not None
     near = np.abs(curve.x) < 40
     jump = curve.mean[near & (curve.x < 0)].max() - curve.mean[near & (curve.x > 0)].min()
     assert jump == pytest.approx(2 * 6e-3, rel=0.35)
@@ -172,7 +182,8 @@ def test_by_hand_fit_then_add_gives_what_the_diagnosis_gives(friction):
     *train, held = records({'coulomb_friction': HIDDEN['coulomb_friction']})
     linear = fit_model(train, [held])
     before, trial = add_effect(linear.model, 'coulomb_friction', train, [held])
-    assert trial.passes and trial.rung.validation.error_percent < before.validation.error_percent
+    assert trial.passes
+    assert trial.rung.validation.error_percent < before.validation.error_percent
     assert trial.rung.model['coulomb_friction.tau_c'] == pytest.approx(
         friction.model['coulomb_friction.tau_c'], rel=1e-3
     )
@@ -185,7 +196,8 @@ def test_a_superfluous_effect_does_not_pass():
     *train, held = records({})
     linear = fit_model(train, [held])
     _, trial = add_effect(linear.model, 'quadratic_drag', train, [held])
-    assert not trial.passes and trial.note
+    assert not trial.passes
+    assert trial.note
 
 
 @pytest.mark.parametrize(
@@ -215,7 +227,8 @@ def test_a_constant_input_is_insufficient_data():
     )
     found = diagnose([record])
     assert found.verdict is Verdict.INSUFFICIENT_DATA
-    assert found.effects == () and found.experiment
+    assert found.effects == ()
+    assert found.experiment
 
 
 def test_an_effect_that_makes_no_sense_is_refused():

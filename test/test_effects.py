@@ -2,6 +2,9 @@
 
 import inspect
 
+import numpy as np
+import pytest
+
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect, Enters
 from motor_sysid.physics.effects import add_effect_file, catalogue
@@ -10,8 +13,6 @@ from motor_sysid.physics.motors import motor
 from motor_sysid.physics.rollout import Drive, Program, simulate
 from motor_sysid.physics.scales import scales_of
 from motor_sysid.signals.record import Record
-import numpy as np
-import pytest
 
 KEYS = sorted(catalogue())
 MOTOR = {'R': 2.0, 'L': 2e-3, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5, 'i_eps': 0.02}
@@ -52,14 +53,19 @@ def a_strong(key: str, record: Record) -> Model:
 def test_card_is_complete(key):
     one = catalogue()[key]
     card = one.card
-    assert isinstance(one, Effect) and isinstance(card.enters, Enters)
-    assert card.title and card.equation and card.symptom.endswith('.') and card.reference
+    assert isinstance(one, Effect)
+    assert isinstance(card.enters, Enters)
+    assert card.title
+    assert card.equation
+    assert card.symptom.endswith('.')
+    assert card.reference
     assert card.amplitudes, 'an effect needs a parameter that switches it off'
     assert card.axis in ('speed', 'position', 'current', 'time')
     for p in card.parameters:
-        assert p.unit and p.description
+        assert p.unit
+        assert p.description
     for law in (*one.laws.values(), *one.rates.values()):
-        assert law.__doc__ and ' in ' in law.__doc__, 'say the unit of what the law returns'
+        assert ' in ' in (law.__doc__ or ''), 'say the unit of what the law returns'
 
 
 @pytest.mark.parametrize('key', KEYS)
@@ -135,7 +141,7 @@ def test_an_effect_of_the_user_takes_part(tmp_path, record):
         'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
         'from motor_sysid.physics.laws import sin\n'
         'CARD = Card(title="coupling ripple", equation="tau = -m omega sin(2 theta)",\n'
-        '    symptom="Twice a turn.", reference="none", enters=Enters.MECHANICAL, axis="position",\n'
+        '    symptom="Twice a turn.", reference="-", enters=Enters.MECHANICAL, axis="position",\n'
         '    amplitudes=(Amplitude("m", "N m s/rad", "ripple per speed", Scale.ONE),))\n'
         'def torque(omega, theta, m):\n'
         '    """Torque in N m."""\n'

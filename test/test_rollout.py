@@ -1,15 +1,16 @@
 """The integrator against independent ones, and the motors against the textbook."""
 
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.signal import cont2discrete
+
 from motor_sysid.errors import UserError
 from motor_sysid.physics.laws import cos, sin, smooth_sign
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.rollout import simulate, Stepper
 from motor_sysid.signals.record import Record
-import numpy as np
-import pytest
-from scipy.integrate import solve_ivp
-from scipy.signal import cont2discrete
 
 MOTOR = {'R': 2.0, 'L': 6e-4, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5}
 DT = 1e-3
@@ -173,12 +174,14 @@ def test_missing_inputs_are_named():
 @pytest.mark.parametrize('key', sorted(motors()))
 def test_every_motor_kind_describes_itself(key):
     kind = motors()[key]
-    assert kind.key == key and kind.title
+    assert kind.key == key
+    assert kind.title
     values = {p.name: np.array([p.value]) for p in kind.parameters}
     a, b, g = kind.matrices(values)
     n = len(kind.states)
     assert a.shape == (1, n, n)
-    assert b.shape == (1, n, len(kind.arguments)) and g.shape == (1, n, len(kind.forces))
+    assert b.shape == (1, n, len(kind.arguments))
+    assert g.shape == (1, n, len(kind.forces))
     assert {o.state for o in kind.outputs} <= set(kind.states)
 
 

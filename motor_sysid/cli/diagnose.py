@@ -97,6 +97,7 @@ def summary(found: 'Diagnosis') -> list[str]:
                 f'{one.validation_error_percent:>8.3g} %   {one.note or "helps"}'
             )
     if found.experiment:
-        lines += ['', f'Record next: {found.experiment["profile"]} ({found.experiment["purpose"]})']
+        wanted = found.experiment
+        lines += ['', f'Record next: {wanted["profile"]} ({wanted["purpose"]})']
     lines += [f'note: {w}' for w in found.warnings]
     return [*lines, f'({found.seconds:.1f} s)']

@@ -127,7 +127,7 @@ def _axes(model: Model, records: Sequence[Record]) -> dict[str, tuple[str, Array
         angle = np.concatenate([s['theta'] for s in states])
         if not model.linear:
             angle = np.mod(angle, 2 * np.pi)
-        low, high = (float(np.min(angle)), float(np.max(angle))) if model.linear else (0, 2 * np.pi)
+        low, high = (angle.min(), angle.max()) if model.linear else (0.0, 2 * np.pi)
         axes['position'] = (length, angle, np.linspace(low, high + 1e-9, 4 * BINS + 1))
     if all('i' in s for s in states):
         current = np.concatenate([s['i'] for s in states])

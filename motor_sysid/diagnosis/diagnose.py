@@ -1,4 +1,4 @@
-"""The pipeline: fit, score, refit, gate, add, prune, until nothing helps; then say what it means."""
+"""The pipeline: fit, score, refit, gate, add, prune until nothing helps; then the verdict."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -160,7 +160,7 @@ class _Engine:
             return []
         self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
         scores, weighting = score(problem, problem.vector(), tried)
-        trials = []
+        trials: list[Trial] = []
         for starts in best_per_effect(scores, self.settings.refits):
             if starts[0].delta_bic > 0.0 or not trials:
                 self.tell(f'refitting with {starts[0].variant.effect.card.title}')

@@ -1,4 +1,4 @@
-"""What is left when no candidate helps any more: noise, or something that the catalogue lacks?
+"""Tell noise from missing physics in what is left when no candidate helps any more.
 
 Sensor noise and random loads cannot be predicted from the input; missing physics can.  So a
 general regression from the simulated motion to the residual is fitted on the training data and
@@ -140,7 +140,8 @@ def _regression(
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
         mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
         ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
-        lagged += [mean[end - _TAP_WIDTH : end - _TAP_WIDTH + len(shaped) - longest] for end in ends]
+        begins = [end - _TAP_WIDTH for end in ends]
+        lagged += [mean[begin : begin + len(shaped) - longest] for begin in begins]
         clock = np.linspace(-1, 1, len(shaped))[longest:, np.newaxis]
         rows.append(np.concatenate([clock * lagged[0], *lagged], axis=1))
         targets.append(residual[longest:])

@@ -105,7 +105,7 @@ def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
     forces = {force.name: np.zeros(size) for force in model.kind.forces}
     for key in model.effects:
         one = effect(key)
-        known = {**states, **model.parameters.values()}
+        known: dict[str, Array | float] = {**states, **model.parameters.values()}
         known.update({p.name: model[f'{key}.{p.name}'] for p in one.card.parameters})
         if one.card.states:
             known.update(_memory(key, known, states))
@@ -122,7 +122,7 @@ def _memory(
     """Integrate an effect's own states along measured states, Euler, one step a sample."""
     one = effect(key)
     time = states['t']
-    own = {name: 0.0 for name in one.card.states}
+    own = dict.fromkeys(one.card.states, 0.0)
     path = {name: np.zeros(time.size) for name in own}
     names = {s: tuple(inspect.signature(rate).parameters) for s, rate in one.rates.items()}
     if any(n not in known and n not in own for wanted in names.values() for n in wanted):
@@ -174,7 +174,7 @@ def likely_orders(model: Model, records: Sequence[Record], count: int = 5) -> li
 
 
 def _slow_enough(record: Record) -> NDArray[np.bool_]:
-    """Samples that move less than a sixth of a turn per sample; all if that leaves too few."""
+    """Mark samples that move less than a sixth of a turn; all if that leaves too few."""
     speed = np.abs(measured_speed(record))
     usable: NDArray[np.bool_] = speed * record.dt < np.pi / 3
     return usable if np.sum(usable) > 200 else np.ones_like(usable)

@@ -1,4 +1,4 @@
-"""Score every candidate effect at once, without refitting: which one explains what is left?
+"""Score every candidate effect at once, without refitting: which explains what is left.
 
 For every candidate the model is simulated with a touch of the effect; the change of its outputs is
 a regressor free of measurement noise.  The residual is regressed on it beside the sensitivities of

@@ -1,6 +1,7 @@
 """The verdict in plain words."""
 
 from collections.abc import Mapping, Sequence
+import itertools
 
 from motor_sysid.diagnosis.remainder import Remainder
 from motor_sysid.diagnosis.result import Candidate, Step, Verdict
@@ -60,7 +61,7 @@ def _named(
         f'{first.validation_error_percent:.3g} to {last.validation_error_percent:.3g} %; '
         f'sensor noise alone makes {left.floor_percent:.3g} %.'
     ]
-    for step, after in zip(steps[:-1], steps[1:], strict=True):
+    for step, after in itertools.pairwise(steps):
         added = next((k for k in after.model.effects if k not in step.model.effects), '')
         found = next((c for c in step.candidates if c.effect == added), None)
         if found is not None:
@@ -110,7 +111,7 @@ def _wrong_parameters(first: Step, last: Step) -> list[str]:
             continue
         ratio = first.model[p.name] / p.value
         if ratio > 1.15 or ratio < 1 / 1.15:
-            size = f'{ratio:.2g} times too large' if ratio > 1 else f'{1 / ratio:.2g} times too small'
+            size = f'{max(ratio, 1 / ratio):.2g} times too {"large" if ratio > 1 else "small"}'
             lines.append(f'Without it, {p.name} ({p.description}) was {size}.')
     return lines
 

@@ -6,8 +6,8 @@ One sample of length ``h`` under a held input ``u`` advances
 
 by ``a = E x + h phi1(Ah) (B u + G f0)`` and ``x' = a + h phi2(Ah) G (f1 - f0 + S d)``, where
 ``E = exp(Ah)``, ``f0 = f(x)``, ``f1 = f(a)``, and ``S d`` makes the step implicit in the one
-state that each equation is stiff in (speed for torque, current for voltage): ``S`` is the secant of
-those laws between ``x`` and ``a`` with every other argument held, and ``d`` the change of that
+state that each equation is stiff in (speed for torque, current for voltage): ``S`` is the secant
+of those laws between ``x`` and ``a`` with every other argument held, and ``d`` the change of that
 state beyond ``a``.  The linear motor is exact for any time constant.
 (Cox and Matthews 2002, doi:10.1006/jcph.2002.6995, for exponential time differencing.)
 
@@ -84,7 +84,8 @@ def run_block(  # type: ignore[no-untyped-def]
             if output_rate[y]:
                 scale = 1.0 / dt
                 for k in range(LANES):
-                    outputs[sample - first, y, k] = (x[j, k] - previous[j, k]) * scale + buffer[bias + k]
+                    moved = x[j, k] - previous[j, k]
+                    outputs[sample - first, y, k] = moved * scale + buffer[bias + k]
             else:
                 for k in range(LANES):
                     outputs[sample - first, y, k] = x[j, k] + buffer[bias + k]

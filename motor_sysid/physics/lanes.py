@@ -6,7 +6,6 @@ so any combination of effects is only a list of addresses, an edited law is neve
 user's own file takes the same path as a built-in one.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 import hashlib
@@ -31,7 +30,7 @@ ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
 ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate(FORCES)}
 FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(FORCES)
 
-_TEMPLATE = '''
+_TEMPLATE = """
 
 # ---- generated from the effect {origin}; do not edit ----
 from numba import cfunc as _cfunc, njit as _njit
@@ -45,7 +44,7 @@ def lane(base, own, state):
     p = _as_pointer(base)
     for k in range({lanes}):
         p[{target} + k] += _law({arguments})
-'''
+"""
 
 
 @dataclass(frozen=True)

@@ -94,9 +94,10 @@ class Model:
     ) -> 'Model':
         """Return the model with one effect more.
 
-        Effects that the new one generalises go, and it starts from their values.  `values` name the effect's parameters without
-        its key; the others start at zero (amplitudes) or at their first start (shapes).  With
-        `scales` the boxes are those of the card; without, they are wide open.
+        Effects that the new one generalises go, and it starts from their values.  `values` name
+        the effect's parameters without its key; the others start at zero (amplitudes) or at their
+        first start (shapes).  With `scales` the boxes are those of the card; without, they are
+        wide open.
 
         Raises
         ------
@@ -132,7 +133,8 @@ class Model:
     def without_effect(self, key: str) -> 'Model':
         """Return the model with one effect less."""
         if key not in self.effects:
-            raise UserError(f'the model has no `{key}`; it has {", ".join(self.effects) or "none"}')
+            have = ', '.join(self.effects) or 'none'
+            raise UserError(f'the model has no `{key}`; it has {have}')
         names = [p.name for p in self.parameters if p.name.startswith(f'{key}.')]
         return replace(
             self,

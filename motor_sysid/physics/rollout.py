@@ -165,14 +165,8 @@ class Program:
         self._delay_names = [self.names.index(name) for name in delays]
         self._stiff_count = sum(not law[0] for law in laws)
         self._stiff_force = _integers([law[1] for law in laws])
-        self._laws = tuple(
-            _integers([pick(law) for law in laws])
-            for pick in (lambda s: s[2].address, lambda s: s[3], lambda s: s[4])
-        )
-        self._rates = tuple(
-            _integers([pick(rate) for rate in rates])
-            for pick in (lambda s: s[0].address, lambda s: s[1], lambda s: s[2])
-        )
+        self._laws = _call_table([law[2:] for law in laws])
+        self._rates = _call_table(rates)
 
     def _aim_outputs(self) -> None:
         known = {output.signal: output for output in self.kind.outputs}
@@ -466,6 +460,17 @@ class Stepper:
         """Signal to value, now: sensor offsets included, without noise and differencing."""
         state = self.state
         return {o.signal: state[o.state] + self._biases[o.signal] for o in self.model.kind.outputs}
+
+
+def _call_table(
+    calls: Sequence[tuple[Lane, int, int]],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
+    """Return addresses, offsets of own parameters, and offsets of own states."""
+    return (
+        _integers([lane.address for lane, _, _ in calls]),
+        _integers([own for _, own, _ in calls]),
+        _integers([state for _, _, state in calls]),
+    )
 
 
 def _integers(values: Sequence[int]) -> NDArray[np.int64]:

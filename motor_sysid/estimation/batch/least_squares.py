@@ -75,7 +75,9 @@ def fit(
     """
     if weighting is None:
         weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
-    solution = minimize(problem, weighting, start=start, iterations=iterations, tolerance=tolerance)
+    solution = minimize(
+        problem, weighting, start=start, iterations=iterations, tolerance=tolerance
+    )
     simulations, steps = solution.simulations, solution.iterations
     for _ in range(reweight):
         fresh = white(problem.residuals(solution.z, weighting), floor)

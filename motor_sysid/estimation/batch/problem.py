@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import itertools
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,7 +149,7 @@ def make_chain(
         edges = np.linspace(first, last, pieces + 1).astype(int)
         chain += [
             _stretch(even, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
-            for a, b in zip(edges[:-1], edges[1:], strict=True)
+            for a, b in itertools.pairwise(edges)
         ]
     return tuple(chain)
 

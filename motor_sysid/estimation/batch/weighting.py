@@ -35,7 +35,8 @@ class Weighting:
     def flat(self, values: Array) -> Array:
         """Whiten and weigh (N, n_y, k) along time; return ((N - order) n_y, k)."""
         if self.whiteners:
-            parts = [lfilter(w, 1.0, values[:, j], axis=0) for j, w in enumerate(self.whiteners)]
+            one = np.ones(1)
+            parts = [lfilter(w, one, values[:, j], axis=0) for j, w in enumerate(self.whiteners)]
             values = np.stack(parts, axis=1)[self.order :]
         weighed: Array = (values / self.sigma[:, np.newaxis]).reshape(-1, values.shape[2])
         return weighed

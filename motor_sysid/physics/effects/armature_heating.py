@@ -9,7 +9,9 @@ CARD = Card(
     reference='Krishnan, Electric Motor Drives, 2001, section 2.10',
     enters=Enters.ELECTRICAL,
     amplitudes=(
-        Amplitude('h', '1/J', 'rise of resistance per stored energy', Scale.HEATING, positive=True),
+        Amplitude(
+            'h', '1/J', 'rise of resistance per stored energy', Scale.HEATING, positive=True
+        ),
     ),
     shapes=(
         Shape(

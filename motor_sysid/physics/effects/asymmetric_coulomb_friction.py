@@ -10,8 +10,8 @@ CARD = Card(
     reference='Armstrong-Helouvry, Control of Machines with Friction, 1991, chapter 3',
     enters=Enters.MECHANICAL,
     amplitudes=(
-        Amplitude('tau_c_plus', 'N m', 'friction when turning forward', Scale.TORQUE, positive=True),
-        Amplitude('tau_c_minus', 'N m', 'friction when turning back', Scale.TORQUE, positive=True),
+        Amplitude('tau_c_plus', 'N m', 'friction turning forward', Scale.TORQUE, positive=True),
+        Amplitude('tau_c_minus', 'N m', 'friction turning back', Scale.TORQUE, positive=True),
     ),
     generalises={'coulomb_friction': (('tau_c_plus', 'tau_c'), ('tau_c_minus', 'tau_c'))},
 )
