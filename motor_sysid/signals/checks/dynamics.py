@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
-from scipy.signal import lfilter
 
 from motor_sysid.signals.checks.common import Array, main_current, main_input, speed_of
 from motor_sysid.signals.finding import Finding, Severity
@@ -121,12 +120,20 @@ def time_constant(record: Record, driver: str, speed: Array) -> tuple[float, flo
     spread = float(np.var(output))
     best = (0.0, -1.0)
     for tau in np.geomspace(dt / 2, max(record.duration, 4 * dt), 24):
-        pole = np.exp(-dt / tau)
-        filtered = lfilter([0.0, 1 - pole], [1.0, -pole], inputs)
+        filtered = _lagged(inputs, float(np.exp(-dt / tau)))
         left = _residual(filtered, output)
         explained = 1 - left / spread if spread > 0 else 0.0
         best = max(best, (float(tau), explained), key=lambda item: item[1])
     return best
+
+
+def _lagged(values: Array, pole: float) -> Array:
+    """Return ``y[k + 1] = pole y[k] + (1 - pole) values[k]`` from rest (by FFT: no scipy here)."""
+    size = 1 << int(np.ceil(np.log2(2 * values.size)))
+    kernel = (1 - pole) * pole ** np.arange(values.size)
+    kernel = np.concatenate(([0.0], kernel[:-1]))
+    spectrum = np.fft.rfft(values, size) * np.fft.rfft(kernel, size)
+    return np.asarray(np.fft.irfft(spectrum, size)[: values.size], dtype=np.float64)
 
 
 def _residual(regressor: Array, output: Array) -> float:

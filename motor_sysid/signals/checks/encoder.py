@@ -7,7 +7,7 @@ import numpy as np
 
 from motor_sysid.signals.checks.common import Array, is_angular
 from motor_sysid.signals.finding import Finding, Severity
-from motor_sysid.signals.noise import lattice
+from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.units import TURN
 

@@ -7,7 +7,7 @@ import numpy as np
 from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.checks.common import Array, main_input, runs
 from motor_sysid.signals.finding import Finding, Severity
-from motor_sysid.signals.noise import lattice
+from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 
 SLOW = frozenset({'temperature', 'supply_voltage', 'hall_sector'})
