@@ -68,7 +68,7 @@ def load(
     if not path.exists():
         raise UserError(f'{path} does not exist; DATA is a bag folder, .mcap, .db3, CSV or CSV.GZ')
     if path.suffix == '.bag':
-        raise UserError(f'{path} is a ROS 1 bag; convert it with rosbags-convert (docs/records.md)')
+        raise UserError(f'{path} is a ROS 1 bag; convert it with rosbags-convert')
     try:
         config = _config(msg_config)
         if is_bag(path):
