@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.residual import curve, measured_states, unexplained
+from motor_sysid.diagnosis.residual import curve, lacking_name, measured_states, unexplained
 from motor_sysid.diagnosis.result import Curve, Where
 from motor_sysid.estimation.batch import Chain, Problem
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import linear_unit, Model
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -102,10 +102,10 @@ def failure_curves(model: Model, records: Sequence[Record]) -> tuple[Curve, ...]
         if len(parts) != len(records):
             continue
         y = np.concatenate(parts)
-        unit = 'N' if model.linear and units[name] == 'N m' else units[name]
+        unit = linear_unit(units[name]) if model.linear else units[name]
         for axis, (axis_unit, x, edges) in axes.items():
             if axis in ('speed', 'position', 'current', 'time') and x.size == y.size:
-                drawn = curve(axis, axis_unit, f'unexplained {name}', unit, x, y, edges)
+                drawn = curve(axis, axis_unit, lacking_name(model, name), unit, x, y, edges)
                 if drawn is not None:
                     curves.append(drawn)
     return tuple(curves)

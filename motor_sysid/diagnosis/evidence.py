@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.refit import parameters_of, Trial
-from motor_sysid.diagnosis.residual import balance, measured_states
+from motor_sysid.diagnosis.residual import balance, lacking_name, measured_states
 from motor_sysid.diagnosis.result import Candidate, Curve
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -49,7 +49,7 @@ def _curve(
     """Return the curve on the effect's axis, and what the refitted model says it should be."""
     one = trial.scored.variant.effect
     force = next(iter(one.laws), 'torque')
-    wanted = f'unexplained {force}'
+    wanted = lacking_name(base, force)
     curve = next((c for c in curves if c.axis == one.card.axis and c.quantity == wanted), None)
     if curve is None or trial.rung.model is base:
         return curve

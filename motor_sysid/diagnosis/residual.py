@@ -69,6 +69,14 @@ def unexplained(model: Model, record: Record) -> dict[str, Array]:
     return lacking
 
 
+def lacking_name(model: Model, force: str) -> str:
+    """Return what people call the force that an equation lacks."""
+    unit = next(f.unit for f in model.kind.forces if f.name == force)
+    if unit == 'N m':
+        return 'unexplained force' if model.linear else 'unexplained torque'
+    return 'unexplained voltage'
+
+
 def balance(model: Model, states: Mapping[str, Array]) -> dict[str, tuple[Array, float]]:
     """Return for each equation with a measured own state its rate of change and force gain.
 

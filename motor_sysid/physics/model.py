@@ -23,10 +23,8 @@ class SpeedSensor(Enum):
     """The difference of the position over the last sample, half a sample late."""
 
 
-_LINEAR_UNITS = {
-    'N m s/rad': 'N s/m', 'N m/A': 'N/A', 'N m': 'N', 'kg m^2': 'kg', 'rad/s': 'm/s', 'rad': 'm',
-    'N m s^2/rad^2': 'N s^2/m^2', '1/rad': '1/m',
-}  # fmt: skip
+_LINEAR_UNITS = (('kg m^2', 'kg'), ('N m', 'N'), ('rad', 'm'))
+"""What units of a rotary motor become on a linear axis, in this order."""
 
 
 @dataclass(frozen=True)
@@ -119,6 +117,8 @@ class Model:
                 inherited = {mine: self[f'{special}.{theirs}'] for mine, theirs in pairs}
                 slim = slim.without_effect(special)
         added = [_effect_parameter(new, p, scales) for p in new.card.parameters]
+        torque = next((f.unit for f in self.kind.forces if f.name == 'torque'), 'N m')
+        added = [replace(p, unit=p.unit.replace('N m', torque)) for p in added]
         if self.linear:
             added = [_linear(p) for p in added]
         parameters = slim.parameters.plus(added).with_values(
@@ -178,5 +178,12 @@ def _effect_parameter(owner: Effect, card: Amplitude | Shape, scales: Scales | N
     )
 
 
+def linear_unit(unit: str) -> str:
+    """Return the unit on a linear axis of what has the given unit on a rotary motor."""
+    for rotary, straight in _LINEAR_UNITS:
+        unit = unit.replace(rotary, straight)
+    return unit
+
+
 def _linear(parameter: Parameter) -> Parameter:
-    return replace(parameter, unit=_LINEAR_UNITS.get(parameter.unit, parameter.unit))
+    return replace(parameter, unit=linear_unit(parameter.unit))
