@@ -3,6 +3,7 @@
 from collections.abc import Callable
 import json
 from pathlib import Path
+import re
 
 from hypothesis import given
 from hypothesis import strategies as st
@@ -242,3 +243,17 @@ def test_any_record_gets_findings(
     for finding in examine(record):
         assert finding.message
         assert json.loads(json.dumps(finding.to_dict(), allow_nan=False))['code'] == finding.code
+
+
+def test_every_code_is_documented(repository: Path) -> None:
+    """A code that the package can give stands in docs/check.md."""
+    package = repository / 'motor_sysid'
+    text = (repository / 'docs' / 'check.md').read_text()
+    files = [*(package / 'recording').glob('*.py'), *(package / 'signals' / 'checks').glob('*.py')]
+    codes = {
+        code
+        for file in files
+        for code in re.findall(r"Severity\.\w+[^,]*?,\s*'(\w+)'", file.read_text())
+    }
+    assert len(codes) > 40
+    assert {code for code in codes if f'`{code}`' not in text} == set()
