@@ -1,6 +1,6 @@
 """From raw messages to estimates: the parts of the nodes that need no ROS."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 import random
 
@@ -13,13 +13,15 @@ from rosbags.typesys import get_typestore, Stores
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import EstimateStream, Event, Rates
-from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, plan_topics
+from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
 from motor_sysid.nodes.times import Times
+from motor_sysid.nodes.topics import DEFAULT_SOURCES, plan_signals, untyped, with_types
 from motor_sysid.physics.model import Model
 from motor_sysid.recording.field_reader import FieldReader
-from motor_sysid.recording.sources import Source
+from motor_sysid.recording.msg_config import load_msg_config
+from motor_sysid.recording.sources import Condition, Source
 from motor_sysid.signals.join import StampJoin
 
 Array = NDArray[np.float64]
@@ -190,11 +192,14 @@ def test_stamps_that_fall_back_start_the_estimator_anew() -> None:
 # --- the whole
 
 
-def pipeline(**changes: object) -> Pipeline:
-    sources = [replace(s, **changes) if s.signal == 'speed' else s for s in DEFAULT_SOURCES]  # type: ignore[arg-type]
-    wanted = ('voltage', 'current', 'speed', 'position')
-    plans = plan_topics(sources, wanted)
-    return Pipeline(plans, EstimateStream(Sum, RATES), ('voltage',), ('current', 'speed'), 100)
+WANTED = ('voltage', 'current', 'speed', 'position')
+
+
+def pipeline(sources: Sequence[Source] = DEFAULT_SOURCES) -> Pipeline:
+    plan = plan_signals(sources, WANTED)
+    readers = [topic.reader() for topic in plan.topics]
+    stream = EstimateStream(Sum, RATES)
+    return Pipeline(plan, readers, stream, ('voltage',), ('current', 'speed'), 100)
 
 
 def push(target: Pipeline, count: int) -> None:
@@ -219,7 +224,10 @@ def test_the_window_keeps_the_last_samples_as_a_record() -> None:
 
 
 def test_units_and_signs_are_those_of_the_msg_config() -> None:
-    target = pipeline(unit='rpm', sign=-1)
+    changed = [
+        replace(s, unit='rpm', sign=-1) if s.signal == 'speed' else s for s in DEFAULT_SOURCES
+    ]
+    target = pipeline(changed)
     push(target, 3)
     target.advance()
     record = target.record()
@@ -274,9 +282,47 @@ def test_percentiles_of_times_are_right_to_five_percent() -> None:
 
 def test_a_signal_without_a_topic_is_named() -> None:
     with pytest.raises(UserError, match='torque'):
-        plan_topics(DEFAULT_SOURCES, ('torque',))
-    with pytest.raises(UserError, match='message type'):
-        plan_topics([Source('speed', topic='odom', field='x')], ('speed',))
+        plan_signals(DEFAULT_SOURCES, ('torque',))
+    sources = [Source('speed', topic='odom', field='x')]
+    assert untyped(sources, ('speed',)) == {'odom'}
+    with pytest.raises(UserError, match='type of `odom`'):
+        plan_signals(sources, ('speed',))
+    assert plan_signals(with_types(sources, {'odom': JOINT}), ('speed',)).signals == ('speed',)
+
+
+def test_a_signal_may_be_computed_from_others() -> None:
+    sources = [
+        Source('voltage', column='voltage [V]'),
+        Source('voltage', product=('duty', '_supply')),
+        Source('duty', topic='motor/voltage', type=VECTOR, field='vector.x', unit='%'),
+        Source('_supply', constant=24.0, unit='V'),
+        *DEFAULT_SOURCES[1:],
+    ]
+    target = pipeline(sources)
+    push(target, 3)
+    target.advance()
+    record = target.record()
+    assert record is not None
+    assert record['voltage'].tolist() == [0.24, 0.48, 0.72]
+    assert '_supply' not in record
+
+
+def test_a_source_with_a_condition_is_taken_if_no_text_meets_it() -> None:
+    linear, rotary = (
+        Source('speed', topic='a', type=JOINT, field='velocity[0]', unit='m/s',
+               when=Condition('header.frame_id', allowed=frozenset({'linear'}))),
+        Source('speed', topic='b', type=JOINT, field='velocity[0]',
+               when=Condition('header.frame_id', refused=frozenset({'abc'}))),
+    )  # fmt: skip
+    assert plan_signals([linear, rotary], ('speed',)).sources == (rotary,)
+
+
+@pytest.mark.parametrize('name', ['default', 'ros2_control'])
+def test_shipped_msg_configs_can_be_read_live(name: str) -> None:
+    sources = load_msg_config(name).all_sources()
+    topics = untyped(sources, WANTED)
+    assert topics
+    assert plan_signals(with_types(sources, dict.fromkeys(topics, JOINT)), WANTED).signals
 
 
 # --- the simulated drive

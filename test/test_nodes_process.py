@@ -1,8 +1,12 @@
 """The nodes as programs: exit codes, signals, kills, and the identifier under load."""
 
 from collections.abc import Iterator
+import json
+import os
 from pathlib import Path
 import signal
+import subprocess
+import sys
 
 import pytest
 
@@ -16,7 +20,10 @@ from rclpy.serialization import deserialize_message
 from ros_harness import NodeProcess, nodes, parameters, wait_for
 from std_srvs.srv import Trigger
 
+from motor_sysid.cli import main
+from motor_sysid.errors import UserError
 from motor_sysid.nodes.intake import RawTopic
+from motor_sysid.nodes.launcher import node_processes
 from motor_sysid.nodes.monitor import Monitor
 from motor_sysid.nodes.replay import replay
 from motor_sysid.recording import load
@@ -159,8 +166,66 @@ def test_live_estimates_are_those_of_a_replay_and_nothing_is_lost_during_refits(
             assert running[name].end() == 0, running[name].output()
     assert {health[key] for key in health if key.startswith('lost')} == {'0'}
     assert health['missing'] == health['out_of_order'] == health['overflow'] == '0'
+    assert main(['replay', str(bag), '--check', '--csv', str(tmp_path / 'e.csv')]) == 0
+    assert (tmp_path / 'e.csv').read_text().startswith('time [s],R [ohm],R_sigma [ohm]')
     result = replay(bag)
     assert result.check is not None
     assert result.check.difference == ''
     assert result.check.compared > 20
     assert len({event.first_stamp for event in result.estimates}) == 2, 'before and after reset'
+
+
+def test_a_node_that_dies_is_named_with_its_last_lines(tmp_path: Path) -> None:
+    with node_processes(tmp_path) as processes:
+        processes.start('pid', {'kp': -1.0})
+        with pytest.raises(
+            UserError, match='node `pid` ended with code 2(.|\n)*outside its range'
+        ):
+            wait_for(lambda: processes.check(), 'its end')
+
+
+def test_nodes_end_with_the_process_that_started_them(tmp_path: Path) -> None:
+    code = (
+        'import sys, pathlib, time\n'
+        'from motor_sysid.nodes.launcher import NodeProcesses\n'
+        'processes = NodeProcesses(pathlib.Path(sys.argv[1]))\n'
+        "processes.start('pid', {})\n"
+        "print(processes.process_id('pid'), flush=True)\n"
+        'time.sleep(1000)\n'
+    )
+    parent = subprocess.Popen(
+        [sys.executable, '-c', code, str(tmp_path)], stdout=subprocess.PIPE, text=True,
+        env={**os.environ, 'PYTHONPATH': str(Path(__file__).resolve().parent.parent)},
+    )  # fmt: skip
+    assert parent.stdout is not None
+    child = Path('/proc') / parent.stdout.readline().strip()
+    wait_for(lambda: '[INFO]' in (tmp_path / 'pid.log').read_text(), 'the node')
+    parent.kill()
+    parent.wait(10)
+    wait_for(
+        lambda: not child.exists() or 'State:\tZ' in (child / 'status').read_text(), 'its end'
+    )
+    parent.stdout.close()
+
+
+@pytest.mark.slow
+def test_the_demo_names_what_it_hid(tmp_path: Path) -> None:
+    out = tmp_path / 'demo'
+    assert main(['demo', '--seconds', '12', '--out', str(out), '--storage', 'mcap']) == 0
+    found = json.loads((out / 'diagnosis.json').read_text())
+    assert set(found['effects']) == {'coulomb_friction', 'cogging_torque'}
+    assert (out / 'report.html').stat().st_size > 10_000
+    assert main(['replay', str(out / 'bag'), '--check']) == 0
+
+
+def test_the_demo_refuses_what_it_cannot_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for arguments, message in (
+        (['--hide', 'witchcraft'], 'witchcraft'),
+        (['--seconds', '0'], 'outside 5 to 3600'),
+        (['--rate', '9999'], 'outside 50 to 1000'),
+    ):
+        assert main(['demo', '--out', str(tmp_path / 'x'), *arguments]) == 2
+        assert message in capsys.readouterr().err
+    assert not (tmp_path / 'x').exists()

@@ -25,8 +25,11 @@ from std_srvs.srv import Trigger
 import yaml
 
 from motor_sysid.errors import UserError
+from motor_sysid.nodes.identifier import IdentifierNode
+from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.intake import RawTopic
 from motor_sysid.nodes.loop import Loop, LoopNode
+from motor_sysid.nodes.message_types import installed_types
 from motor_sysid.nodes.motor import MotorNode, MotorSettings
 from motor_sysid.nodes.parameters import checked, config_yaml, parameter, Settings, spec_of
 from motor_sysid.nodes.pid import PidNode, PidSettings
@@ -39,9 +42,16 @@ from motor_sysid.nodes.publishing import (
 )
 from motor_sysid.nodes.recorder import RecorderSettings
 from motor_sysid.nodes.statuses import Status
+from motor_sysid.recording.definitions import definitions
+from motor_sysid.recording.messages import Topic
 
 VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
-SETTINGS = {'motor': MotorSettings, 'pid': PidSettings, 'recorder': RecorderSettings}
+SETTINGS = {
+    'motor': MotorSettings,
+    'pid': PidSettings,
+    'identifier': IdentifierSettings,
+    'recorder': RecorderSettings,
+}
 QUIET = {'current_noise': 0.0, 'current_bits': 0, 'encoder_counts': 0, 'current_offset': 0.0}
 
 
@@ -344,6 +354,54 @@ def test_profile_is_published_with_the_stamps_of_the_samples(
         node.destroy_node()
 
 
+# --- the identifier
+
+
+def test_identifier_finds_types_by_itself_and_publishes_what_it_estimates(
+    context: Context, other: Node
+) -> None:
+    identifier = IdentifierNode(context, overrides(msg_config='default', nominal=['R=2.2']))
+    motor = MotorNode(context, overrides(rate=200))
+    pid = PidNode(context, overrides(profile='steps', profile_duration=30.0))
+    names = ('identifier/prediction', 'identifier/residual')
+    prediction, residual = (Listener(other, name, JointState) for name in names)
+    estimate = RawTopic(other, 'identifier/estimate', 'diagnostic_msgs/msg/DiagnosticArray')
+    arrays: list[DiagnosticArray] = []
+
+    def look() -> int:
+        arrays.extend(deserialize_message(m.data, DiagnosticArray) for m in estimate.drain())
+        return len(arrays)
+
+    run(lambda: look() > 2 and len(residual) > 5 and len(prediction), motor, pid, identifier)
+    head, *parameters = arrays[-1].status
+    values = {pair.key: pair.value for pair in head.values}
+    assert head.name == 'samples'
+    assert int(values['samples']) % 20 == 1, 'ten a second at 200 Hz, at exact sample times'
+    assert {'R', 'L', 'k_t', 'J', 'b'} <= {status.name for status in parameters}
+    for status in parameters:
+        found = {pair.key: pair.value for pair in status.values}
+        assert set(found) == {'value', 'sigma', 'unit', 'identifiable'}
+        assert float(found['sigma']) >= 0
+    assert (
+        stamp_of(residual.messages[-1]) % 5_000_000 == stamp_of(residual.messages[0]) % 5_000_000
+    )
+    assert len(residual.messages[0].velocity) == len(residual.messages[0].effort) == 1
+    for node in (motor, pid, identifier):
+        node.close()
+        node.destroy_node()
+
+
+def test_identifier_refuses_what_cannot_be_estimated(context: Context) -> None:
+    for given, message in (
+        ({'nominal': ['R=-1']}, 'R'),
+        ({'model_file': '/nowhere.yaml'}, '/nowhere.yaml'),
+        ({'msg_config': 'emps'}, 'voltage|current|speed'),
+        ({'motor': 'brushed_ac'}, 'one of brushed_dc'),
+    ):
+        with pytest.raises(UserError, match=message):
+            IdentifierNode(context, overrides(**given))
+
+
 # --- intake
 
 
@@ -382,6 +440,15 @@ def test_two_publishers_on_one_topic_are_no_loss(other: Node) -> None:
                 writer.publish(k, 0.0, 0.0, 0.0)
     wait_for(lambda: topic.drain() or topic.received == 55, 'all')
     assert topic.lost == 0
+
+
+@pytest.mark.parametrize(
+    'name',
+    ['sensor_msgs/msg/JointState', 'sensor_msgs/msg/Imu', 'sensor_msgs/msg/BatteryState',
+     'nav_msgs/msg/Odometry', 'diagnostic_msgs/msg/DiagnosticArray', 'std_msgs/msg/Float64'],
+)  # fmt: skip
+def test_installed_types_are_those_that_bags_store(name: str) -> None:
+    assert definitions([Topic(name, name)]).items() >= installed_types(name).items()
 
 
 def test_a_message_type_that_is_not_installed_is_named(other: Node) -> None:

@@ -35,8 +35,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Replay, print, and tell with the exit code of `--check` whether all is equal (0) or not."""
-    from motor_sysid.nodes.pipeline import DEFAULT_SOURCES
     from motor_sysid.nodes.replay import replay
+    from motor_sysid.nodes.topics import DEFAULT_SOURCES
 
     sources: tuple[Source, ...] = DEFAULT_SOURCES
     if args.msg_config:

@@ -1,6 +1,6 @@
 """What an identifier was set to: published with the model, and read back by the replay."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,10 +8,11 @@ import numpy as np
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.estimation.stream import EstimateStream, Rates
-from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, plan_topics, TopicPlan
+from motor_sysid.nodes.pipeline import Pipeline
+from motor_sysid.nodes.topics import SignalPlan
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import dump_model, parse_model
-from motor_sysid.recording.sources import Source
+from motor_sysid.recording.field_reader import FieldReader
 
 SECOND = 1_000_000_000
 
@@ -94,17 +95,11 @@ class Configuration:
         """Return the measured signals that the estimator is given; some may be missing."""
         return tuple(output.signal for output in self.model.kind.outputs)
 
-    def plans(self, sources: tuple[Source, ...] = DEFAULT_SOURCES) -> tuple[TopicPlan, ...]:
-        """Return the topics to listen to.
+    def wanted(self) -> tuple[str, ...]:
+        """Return the signals to listen to."""
+        return (*self.inputs(), *self.outputs())
 
-        Raises
-        ------
-        UserError
-            If nothing carries an input or a needed output.
-        """
-        return plan_topics(sources, (*self.inputs(), *self.outputs()))
-
-    def pipeline(self, plans: tuple[TopicPlan, ...], window: int) -> Pipeline:
+    def pipeline(self, plan: SignalPlan, readers: Sequence[FieldReader], window: int) -> Pipeline:
         """Return the working part."""
         rates = Rates(
             round(SECOND / self.estimate_rate),
@@ -112,7 +107,8 @@ class Configuration:
             round(SECOND * self.sample_time),
         )
         return Pipeline(
-            plans,
+            plan,
+            readers,
             EstimateStream(self.make, rates),
             self.inputs(),
             self.outputs(),

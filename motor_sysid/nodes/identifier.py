@@ -1,7 +1,6 @@
 """The `identifier` node: live estimates with their uncertainty, predictions, periodic refits."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 import time
 
 from rclpy.context import Context
@@ -9,16 +8,16 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
-from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import Event
-from motor_sysid.nodes.configuration import Configuration, SECOND
+from motor_sysid.nodes.configuration import SECOND
 from motor_sysid.nodes.health import Health
+from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.intake import RawTopic
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
-from motor_sysid.nodes.parameters import parameter, Settings
-from motor_sysid.nodes.pipeline import DEFAULT_SOURCES
-from motor_sysid.nodes.plant import parse_assignments
+from motor_sysid.nodes.message_types import installed_types
+from motor_sysid.nodes.parameters import Settings
+from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.publishing import (
     DiagnosticsPublisher,
     joint_publisher,
@@ -28,89 +27,10 @@ from motor_sysid.nodes.publishing import (
 )
 from motor_sysid.nodes.refit import RefitJob, RefitOutcome, RefitWorker
 from motor_sysid.nodes.statuses import estimate_statuses, fit_statuses, Status
-from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.motors import motors
-from motor_sysid.physics.store import load_model
-from motor_sysid.recording.msg_config import load_msg_config
-from motor_sysid.recording.sources import Source
+from motor_sysid.nodes.topics import plan_signals, untyped, with_types
 
-ESTIMATORS, METHODS = ('ekf', 'rls'), ('pso', 'gwo')
 FIELDS = {'position': 'position', 'speed': 'velocity', 'current': 'effort'}
 """Signal to the field of `JointState` that carries its prediction; effort holds the current, A."""
-
-
-@dataclass(frozen=True)
-class IdentifierSettings:
-    """Parameters of the node."""
-
-    estimator: str = parameter(
-        'ekf', 'How parameters are estimated online.', '', choices=ESTIMATORS
-    )
-    motor: str = parameter('brushed_dc', 'Kind of the motor.', '', choices=tuple(motors()))
-    model_file: str = parameter(
-        '', 'YAML file of the model to start from; empty to start from motor and nominal.'
-    )
-    nominal: tuple[str, ...] = parameter(
-        (), 'Start values as name=number in SI units, where there is no model_file.'
-    )
-    speed_sensor: str = parameter(
-        'difference', 'How the drive measures speed, where there is no model_file: as the '
-        'difference of the position over the last sample, or ideally.', '',
-        choices=tuple(sensor.value for sensor in SpeedSensor),
-    )  # fmt: skip
-    msg_config: str = parameter(
-        '', 'File (or name of a shipped one) that says which topic carries which signal.'
-    )
-    sample_time: float = parameter(
-        0.0, 'Time from sample to sample; 0 to learn it from the stamps.', 's', 0, 1
-    )
-    stamp_tolerance: float = parameter(
-        0.0, 'Stamps of one sample may differ by this much.', 's', 0, 1
-    )
-    estimate_rate: float = parameter(
-        10.0, 'Estimates published per second of sample time.', 'Hz', 0.01, 1000
-    )
-    prediction_rate: float = parameter(
-        50.0, 'Predictions and residuals published per second of sample time.', 'Hz', 0.01, 2000
-    )
-    drain_period: float = parameter(0.002, 'Messages are taken this often.', 's', 0.0005, 0.1)
-    time_budget: float = parameter(
-        0.0005, 'Time for the estimator at a stretch; samples that it does not get to wait.', 's',
-        1e-5, 1, live=True,
-    )  # fmt: skip
-    refit_period: float = parameter(
-        0.0, 'Refit after this much sample time; 0 for on request only.', 's', 0, 1e5, live=True
-    )
-    refit_window: float = parameter(10.0, 'Length of data in a refit.', 's', 0.1, 1e4, live=True)
-    refit_method: str = parameter('pso', 'Swarm of the refit.', '', choices=METHODS, live=True)
-    refit_seed: int = parameter(0, 'Seed of the swarm.', '', 0, 2**31 - 1, live=True)
-    window_samples: int = parameter(
-        30_000, 'Samples kept for refits; more than that are never looked at.', '', 100, 10**7
-    )
-
-    def model(self) -> Model:
-        """Return the model to start from."""
-        if self.model_file:
-            if self.nominal:
-                raise UserError('give `model_file` or `nominal`, not both')
-            return load_model(self.model_file)
-        return Model.base(
-            self.motor, parse_assignments(self.nominal),
-            speed_sensor=SpeedSensor(self.speed_sensor),
-        )  # fmt: skip
-
-    def configuration(self) -> Configuration:
-        """Return what the estimates depend on."""
-        return Configuration(
-            self.model(), self.estimator, self.sample_time, self.estimate_rate,
-            self.prediction_rate, self.stamp_tolerance,
-        )  # fmt: skip
-
-    def sources(self) -> tuple[Source, ...]:
-        """Return which topic carries which signal."""
-        if not self.msg_config:
-            return DEFAULT_SOURCES
-        return load_msg_config(self.msg_config).all_sources()
 
 
 class IdentifierNode(LoopNode):
@@ -132,21 +52,35 @@ class IdentifierNode(LoopNode):
         self.period = s.drain_period
         self._configuration = s.configuration()
         self._configuration.warm_up()
-        plans = self._configuration.plans(s.sources())
-        self._pipeline = self._configuration.pipeline(plans, s.window_samples)
+        self._sources = s.sources()
+        self._pipeline: Pipeline | None = None
+        self._topics: list[RawTopic] = []
         self._worker = RefitWorker()
         self._fitted: RefitOutcome | None = None
         self._next_refit = 0
-        self._advertise()
-        self._topics = [RawTopic(self, plan.topic, plan.message_type) for plan in plans]
-        self._health = Health(self._pipeline, self._topics)
         self._next_look = 0.0
+        self._advertise()
         self._publish_model()
         if s.refit_period:
             self._worker.start()
-        self.get_logger().info(
-            f'{s.estimator} on {", ".join(topic.resolved for topic in self._topics)}'
+        self._connect()
+        names = ', '.join(topic.resolved for topic in self._topics) or 'topics yet to appear'
+        self.get_logger().info(f'{s.estimator} on {names}')
+
+    def _connect(self) -> None:
+        """Listen, as soon as the types of all topics are known."""
+        here = dict(self.get_topic_names_and_types())
+        asked = untyped(self._sources, self._configuration.wanted())
+        found = {t: here[n][0] for t in asked if (n := self.resolve_topic_name(t)) in here}
+        if asked - set(found):
+            return
+        plan = plan_signals(with_types(self._sources, found), self._configuration.wanted())
+        readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
+        self._pipeline = self._configuration.pipeline(
+            plan, readers, self.settings.value.window_samples
         )
+        self._topics = [RawTopic(self, topic.topic, topic.message_type) for topic in plan.topics]
+        self._health = Health(self._pipeline, self._topics)
 
     def _advertise(self) -> None:
         deep = QoSProfile(depth=100)
@@ -165,17 +99,22 @@ class IdentifierNode(LoopNode):
 
     def step(self) -> None:
         """Take what has come, and publish what is due."""
-        with self._health.timed() as batch:
-            batch.waiting = self.hurry
-            for k, topic in enumerate(self._topics):
-                messages = topic.drain()
-                batch.messages += len(messages)
-                for message in messages:
-                    self._pipeline.push(k, message.data, message.received)
-            for event in self._pipeline.advance(self.settings.value.time_budget):
-                self._publish(event)
-        self.hurry = self._pipeline.collect() > 0
+        if self._pipeline is not None:
+            with self._health.timed() as batch:
+                batch.waiting = self.hurry
+                batch.messages = self._take(self._pipeline)
+                for event in self._pipeline.advance(self.settings.value.time_budget):
+                    self._publish(event)
+            self.hurry = self._pipeline.collect() > 0
         self._look()
+
+    def _take(self, pipeline: Pipeline) -> int:
+        count = 0
+        for k, topic in enumerate(self._topics):
+            for message in topic.drain():
+                pipeline.push(k, message.data, message.received)
+                count += 1
+        return count
 
     def close(self) -> None:
         """Stop the worker."""
@@ -201,7 +140,7 @@ class IdentifierNode(LoopNode):
 
     def _submit(self) -> bool:
         s = self.settings.value
-        record = self._pipeline.record(s.refit_window)
+        record = self._pipeline.record(s.refit_window) if self._pipeline else None
         if record is None:
             return False
         model = self._configuration.model
@@ -216,6 +155,9 @@ class IdentifierNode(LoopNode):
         if now < self._next_look:
             return
         self._next_look = now + 1.0
+        if self._pipeline is None:
+            self._connect()
+            return
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
@@ -237,7 +179,8 @@ class IdentifierNode(LoopNode):
         self._model.publish(now_ns(self.get_clock()), statuses)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._pipeline.reset()
+        if self._pipeline is not None:
+            self._pipeline.reset()
         self._next_refit = 0
         response.success, response.message = True, 'starts anew with the next sample'
         return response

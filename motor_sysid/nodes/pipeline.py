@@ -4,9 +4,8 @@ The live node and the replay of a bag both use this, so that the same messages g
 estimates, bit for bit.
 """
 
-from collections import defaultdict, deque
+from collections import deque
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 import math
 import time
@@ -14,10 +13,9 @@ import time
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import EstimateStream, Event
+from motor_sysid.nodes.topics import OPTIONAL, SignalPlan
 from motor_sysid.recording.field_reader import FieldReader
-from motor_sysid.recording.sources import Source
 from motor_sysid.signals.join import Row, StampJoin
 from motor_sysid.signals.record import Provenance, Record
 
@@ -25,70 +23,9 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 SECOND = 1_000_000_000
-VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
-
-DEFAULT_SOURCES = (
-    Source('voltage', topic='motor/voltage', type=VECTOR, field='vector.x'),
-    Source('current', topic='motor/current', type=VECTOR, field='vector.x'),
-    Source('speed', topic='motor/speed', type=JOINT, field='velocity[0]'),
-    Source('position', topic='motor/speed', type=JOINT, field='position[0]', optional=True),
-)
-"""The package's own topics."""
-
-OPTIONAL = frozenset({'position'})
-"""Signals without which estimation goes on."""
 
 LONGEST_BACKLOG = 100_000
 """Samples that may wait for the estimator before the oldest are dropped."""
-
-
-@dataclass(frozen=True)
-class TopicPlan:
-    """One topic to listen to and the signals that it carries."""
-
-    topic: str
-    message_type: str
-    stamp: tuple[str, ...]
-    sources: tuple[Source, ...]
-
-    def reader(self) -> FieldReader:
-        """Return a reader of the stamp's parts, then of the signals."""
-        return FieldReader(
-            self.message_type, (*self.stamp, *(source.field for source in self.sources))
-        )
-
-
-def plan_topics(sources: Sequence[Source], wanted: Collection[str]) -> tuple[TopicPlan, ...]:
-    """Return the topics that carry the wanted signals, in the order of the sources.
-
-    Raises
-    ------
-    UserError
-        If a wanted signal has no source, or one that cannot be read live.
-    """
-    chosen: dict[str, Source] = {}
-    for source in sources:
-        if source.signal in wanted and source.topic:
-            chosen.setdefault(source.signal, source)
-    for signal in wanted:
-        if signal not in chosen and signal not in OPTIONAL:
-            raise UserError(f'no topic carries `{signal}`; name one in the msg_config file')
-    grouped: dict[tuple[str, str, str], list[Source]] = defaultdict(list)
-    for source in chosen.values():
-        if not source.type:
-            raise UserError(f'`{source.topic}` needs its message type; add `type:` to its source')
-        grouped[source.topic, source.type, source.stamp].append(source)
-    return tuple(
-        TopicPlan(topic, kind, _stamp_paths(stamp), tuple(members))
-        for (topic, kind, stamp), members in grouped.items()
-    )
-
-
-def _stamp_paths(stamp: str) -> tuple[str, ...]:
-    if stamp == 'receive':
-        return ()
-    base = 'header.stamp' if stamp == 'header' else stamp
-    return f'{base}.sec', f'{base}.nanosec'
 
 
 class Window:
@@ -138,8 +75,10 @@ class Pipeline:
 
     Parameters
     ----------
-    plans:
-        The topics.
+    plan:
+        The topics, and what is made of them.
+    readers:
+        One for each topic.
     stream:
         The estimator; it is given the inputs and outputs by name.
     inputs, outputs:
@@ -161,25 +100,19 @@ class Pipeline:
 
     def __init__(
         self,
-        plans: Sequence[TopicPlan],
+        plan: SignalPlan,
+        readers: Sequence[FieldReader],
         stream: EstimateStream,
         inputs: Sequence[str],
         outputs: Sequence[str],
         window: int = 20_000,
         tolerance: int = 0,
     ) -> None:
-        self._readers = [plan.reader() for plan in plans]
-        self._stamped = [len(plan.stamp) for plan in plans]
-        self.join = StampJoin(len(plans), tolerance=tolerance)
+        self._plan, self._readers = plan, tuple(readers)
+        self._stamped = [len(topic.stamp) for topic in plan.topics]
+        self.join = StampJoin(len(plan.topics), tolerance=tolerance)
         self.stream, self.not_finite = stream, 0
-        self._sources = tuple(source for plan in plans for source in plan.sources)
-        self.signals = tuple(source.signal for source in self._sources)
-        self._convert = tuple(
-            k for k, source in enumerate(self._sources) if source != Source(
-                source.signal, topic=source.topic, type=source.type, field=source.field,
-                optional=source.optional, stamp=source.stamp,
-            )
-        )  # fmt: skip
+        self.signals = plan.signals
         self._inputs = [self.signals.index(name) for name in inputs]
         self._outputs = [self.signals.index(n) if n in self.signals else -1 for n in outputs]
         self._needed = [k for k, name in enumerate(self.signals) if name not in OPTIONAL]
@@ -233,9 +166,7 @@ class Pipeline:
 
     def _work(self, rows: Sequence[Row]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
-        values = np.array([row[1] for row in rows], dtype=np.float64)
-        for k in self._convert:
-            values[:, k] = self._sources[k].to_si(values[:, k])
+        values = self._plan.columns(np.array([row[1] for row in rows], dtype=np.float64))
         good = np.isfinite(values[:, self._needed]).all(axis=1)
         self.not_finite += int(good.size - good.sum())
         self.window.append(stamps[good], values[good])
@@ -276,10 +207,14 @@ class Pipeline:
         stamps, values = stamps[keep], values[keep]
         if stamps.size < 2 or np.any(np.diff(stamps) <= 0):
             return None
-        finite = [k for k in range(values.shape[1]) if np.isfinite(values[:, k]).all()]
+        finite = [
+            k
+            for k, name in enumerate(self.signals)
+            if not name.startswith('_') and np.isfinite(values[:, k]).all()
+        ]
         return Record(
             (stamps - stamps[0]) / SECOND,
             {self.signals[k]: values[:, k] for k in finite},
-            {self.signals[k]: self._sources[k].si_unit() for k in finite},
+            {self.signals[k]: self._plan.sources[k].si_unit() for k in finite},
             Provenance('live topics'),
         )

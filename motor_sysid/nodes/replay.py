@@ -11,8 +11,17 @@ from rosbags.typesys import get_typestore, Stores
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import Event
 from motor_sysid.nodes.configuration import Configuration
-from motor_sysid.nodes.pipeline import DEFAULT_SOURCES, Pipeline, TopicPlan
+from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.statuses import estimate_statuses, text_of
+from motor_sysid.nodes.topics import (
+    DEFAULT_SOURCES,
+    plan_signals,
+    SignalPlan,
+    TopicPlan,
+    with_types,
+)
+from motor_sysid.recording.definitions import definitions
+from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.recording.rosbag import Bag
 from motor_sysid.recording.sources import Source
 
@@ -119,11 +128,11 @@ def replay(
     bag = Bag(path)
     recorded = _recorded_estimates(bag, node)
     given = configuration or recorded_configuration(bag, node)
-    plans = _rooted(bag, given.plans(sources))
-    pipeline = given.pipeline(plans, window=2)
+    plan = _plan(bag, given, sources)
+    pipeline = given.pipeline(plan, _readers(bag, plan), window=2)
     if recorded:
         pipeline.start_at(sorted({one.first_stamp for one in recorded}))
-    events = tuple(_run(bag, pipeline, plans))
+    events = tuple(_run(bag, pipeline, plan.topics))
     stamps = [event.stamp for event in events]
     return Replay(
         given,
@@ -171,9 +180,19 @@ def _run(bag: Bag, pipeline: Pipeline, plans: Sequence[TopicPlan]) -> Iterator[E
     yield from pipeline.advance()
 
 
-def _rooted(bag: Bag, plans: Sequence[TopicPlan]) -> tuple[TopicPlan, ...]:
-    """Return the plans with the topics' full names in the bag."""
-    return tuple(replace(plan, topic=_existing(bag, plan.topic)) for plan in plans)
+def _plan(bag: Bag, given: Configuration, sources: Sequence[Source]) -> SignalPlan:
+    """Choose the topics, under the names and types that they have in the bag."""
+    names = {s.topic: _find(bag, s.topic) for s in sources if s.topic}
+    types = {topic: bag.topics[name].msgtype for topic, name in names.items() if name}
+    plan = plan_signals(with_types(sources, types), given.wanted())
+    return replace(
+        plan, topics=tuple(replace(t, topic=_existing(bag, t.topic)) for t in plan.topics)
+    )
+
+
+def _readers(bag: Bag, plan: SignalPlan) -> list[FieldReader]:
+    types = definitions(bag.topics[topic.topic] for topic in plan.topics)
+    return [topic.reader(types) for topic in plan.topics]
 
 
 def _existing(bag: Bag, topic: str) -> str:

@@ -1,0 +1,90 @@
+"""The parameters of the `identifier` node, and what they mean."""
+
+from dataclasses import dataclass
+
+from motor_sysid.errors import UserError
+from motor_sysid.nodes.configuration import Configuration
+from motor_sysid.nodes.parameters import parameter
+from motor_sysid.nodes.plant import parse_assignments
+from motor_sysid.nodes.topics import DEFAULT_SOURCES
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motors
+from motor_sysid.physics.store import load_model
+from motor_sysid.recording.msg_config import load_msg_config
+from motor_sysid.recording.sources import Source
+
+ESTIMATORS, METHODS = ('ekf', 'rls'), ('pso', 'gwo')
+
+
+@dataclass(frozen=True)
+class IdentifierSettings:
+    """Parameters of the node."""
+
+    estimator: str = parameter(
+        'ekf', 'How parameters are estimated online.', '', choices=ESTIMATORS
+    )
+    motor: str = parameter('brushed_dc', 'Kind of the motor.', '', choices=tuple(motors()))
+    model_file: str = parameter(
+        '', 'YAML file of the model to start from; empty to start from motor and nominal.'
+    )
+    nominal: tuple[str, ...] = parameter(
+        (), 'Start values as name=number in SI units, where there is no model_file.'
+    )
+    speed_sensor: str = parameter(
+        'difference', 'How the drive measures speed, where there is no model_file: as the '
+        'difference of the position over the last sample, or ideally.', '',
+        choices=tuple(sensor.value for sensor in SpeedSensor),
+    )  # fmt: skip
+    msg_config: str = parameter(
+        '', 'File (or name of a shipped one) that says which topic carries which signal.'
+    )
+    sample_time: float = parameter(
+        0.0, 'Time from sample to sample; 0 to learn it from the stamps.', 's', 0, 1
+    )
+    stamp_tolerance: float = parameter(
+        0.0, 'Stamps of one sample may differ by this much.', 's', 0, 1
+    )
+    estimate_rate: float = parameter(
+        10.0, 'Estimates published per second of sample time.', 'Hz', 0.01, 1000
+    )
+    prediction_rate: float = parameter(
+        50.0, 'Predictions and residuals published per second of sample time.', 'Hz', 0.01, 2000
+    )
+    drain_period: float = parameter(0.002, 'Messages are taken this often.', 's', 0.0005, 0.1)
+    time_budget: float = parameter(
+        0.0005, 'Time for the estimator at a stretch; samples that it does not get to wait.', 's',
+        1e-5, 1, live=True,
+    )  # fmt: skip
+    refit_period: float = parameter(
+        0.0, 'Refit after this much sample time; 0 for on request only.', 's', 0, 1e5, live=True
+    )
+    refit_window: float = parameter(10.0, 'Length of data in a refit.', 's', 0.1, 1e4, live=True)
+    refit_method: str = parameter('pso', 'Swarm of the refit.', '', choices=METHODS, live=True)
+    refit_seed: int = parameter(0, 'Seed of the swarm.', '', 0, 2**31 - 1, live=True)
+    window_samples: int = parameter(
+        30_000, 'Samples kept for refits; more than that are never looked at.', '', 100, 10**7
+    )
+
+    def model(self) -> Model:
+        """Return the model to start from."""
+        if self.model_file:
+            if self.nominal:
+                raise UserError('give `model_file` or `nominal`, not both')
+            return load_model(self.model_file)
+        return Model.base(
+            self.motor, parse_assignments(self.nominal),
+            speed_sensor=SpeedSensor(self.speed_sensor),
+        )  # fmt: skip
+
+    def configuration(self) -> Configuration:
+        """Return what the estimates depend on."""
+        return Configuration(
+            self.model(), self.estimator, self.sample_time, self.estimate_rate,
+            self.prediction_rate, self.stamp_tolerance,
+        )  # fmt: skip
+
+    def sources(self) -> tuple[Source, ...]:
+        """Return which topic carries which signal."""
+        if not self.msg_config:
+            return DEFAULT_SOURCES
+        return load_msg_config(self.msg_config).all_sources()

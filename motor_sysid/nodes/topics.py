@@ -1,0 +1,179 @@
+"""Which topics carry the signals of a model, by a msg_config file, and how they become columns."""
+
+from collections import defaultdict
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.recording.definitions import Types
+from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.recording.sources import Source
+
+Array = NDArray[np.float64]
+
+VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
+
+DEFAULT_SOURCES = (
+    Source('voltage', topic='motor/voltage', type=VECTOR, field='vector.x'),
+    Source('current', topic='motor/current', type=VECTOR, field='vector.x'),
+    Source('speed', topic='motor/speed', type=JOINT, field='velocity[0]'),
+    Source('position', topic='motor/speed', type=JOINT, field='position[0]', optional=True),
+)
+"""The package's own topics."""
+
+OPTIONAL = frozenset({'position'})
+"""Signals without which estimation goes on."""
+
+
+@dataclass(frozen=True)
+class TopicPlan:
+    """One topic to listen to.
+
+    Attributes
+    ----------
+    topic, message_type:
+        Its name as in the msg_config file, and its type.
+    stamp:
+        Paths of seconds and nanoseconds; empty where the time of reception counts.
+    sources:
+        The signals that it carries.
+    """
+
+    topic: str
+    message_type: str
+    stamp: tuple[str, ...]
+    sources: tuple[Source, ...]
+
+    def reader(self, types: Types | None = None) -> FieldReader:
+        """Return a reader of the stamp's parts, then of the signals."""
+        fields = (source.field for source in self.sources)
+        return FieldReader(self.message_type, (*self.stamp, *fields), types)
+
+
+@dataclass(frozen=True)
+class SignalPlan:
+    """Everything to listen to, and what is computed from it.
+
+    Attributes
+    ----------
+    topics:
+        The topics, in the order of the columns that they carry.
+    computed:
+        Products, sums and constants, in an order in which each needs only what is before it.
+    """
+
+    topics: tuple[TopicPlan, ...]
+    computed: tuple[Source, ...] = ()
+
+    @property
+    def sources(self) -> tuple[Source, ...]:
+        """Source of every column."""
+        return (*(s for topic in self.topics for s in topic.sources), *self.computed)
+
+    @property
+    def signals(self) -> tuple[str, ...]:
+        """Signal of every column."""
+        return tuple(source.signal for source in self.sources)
+
+    def columns(self, raw: Array) -> Array:
+        """Return (K, columns) values in SI from (K, read) values as they were sent."""
+        columns: dict[str, Array] = {}
+        for k, source in enumerate(self.sources):
+            if k < raw.shape[1]:
+                values = raw[:, k] if _is_plain(source) else source.to_si(raw[:, k])
+            else:
+                values = source.to_si(_computed(source, columns, raw.shape[0]))
+            columns[source.signal] = values
+        return np.column_stack(list(columns.values()))
+
+
+def plan_signals(sources: Sequence[Source], wanted: Collection[str]) -> SignalPlan:
+    """Choose a source for each wanted signal.
+
+    The first source of a signal that can be read live is taken; one with a condition on the text
+    of the first message only if an empty text meets it.
+
+    Raises
+    ------
+    UserError
+        If a signal has no such source, or its topic's type is not known.
+    """
+    chosen: dict[str, Source] = {}
+    for signal in wanted:
+        if not _choose(signal, sources, chosen) and signal not in OPTIONAL:
+            raise UserError(
+                f'no topic carries `{signal}`; name one in the msg_config file, or choose a '
+                'motor kind that does not need it'
+            )
+    grouped: dict[tuple[str, str, str], list[Source]] = defaultdict(list)
+    for source in chosen.values():
+        if source.topic:
+            if not source.type:
+                raise UserError(f'the type of `{source.topic}` is not known; add `type:` to it')
+            grouped[source.topic, source.type, source.stamp].append(source)
+    topics = tuple(
+        TopicPlan(topic, kind, _stamp_paths(stamp), tuple(members))
+        for (topic, kind, stamp), members in grouped.items()
+    )
+    return SignalPlan(topics, tuple(source for source in chosen.values() if source.derived))
+
+
+def untyped(sources: Sequence[Source], wanted: Collection[str]) -> set[str]:
+    """Return the topics among the wanted signals' sources whose type is not given."""
+    chosen: dict[str, Source] = {}
+    for signal in wanted:
+        _choose(signal, sources, chosen)
+    return {s.topic for s in chosen.values() if s.topic and not s.type}
+
+
+def with_types(sources: Sequence[Source], types: Mapping[str, str]) -> tuple[Source, ...]:
+    """Return the sources with the types of their topics, where they give none themselves."""
+    return tuple(
+        replace(source, type=source.type or types.get(source.topic, '')) for source in sources
+    )
+
+
+def _choose(signal: str, sources: Sequence[Source], chosen: dict[str, Source]) -> bool:
+    """Choose a source for one signal, and before it those that it is computed from."""
+    if signal in chosen:
+        return True
+    for source in sources:
+        if source.signal != signal or (source.when and not source.when.holds('')):
+            continue
+        needed = dict(chosen)
+        parts = all(_choose(part, sources, needed) for part in source.parts)
+        if (source.topic or source.derived) and parts:
+            chosen.update(needed)
+            chosen[signal] = source
+            return True
+    return False
+
+
+def _stamp_paths(stamp: str) -> tuple[str, ...]:
+    if stamp == 'receive':
+        return ()
+    base = 'header.stamp' if stamp == 'header' else stamp
+    return f'{base}.sec', f'{base}.nanosec'
+
+
+def _is_plain(source: Source) -> bool:
+    """Whether values come in SI as they are."""
+    unit = source.unit in ('', source.si_unit())
+    return (
+        unit
+        and source.counts_per_turn == 0
+        and ((source.scale, source.offset, source.sign, source.gear_ratio) == (1.0, 0.0, 1, 1.0))
+    )
+
+
+def _computed(source: Source, columns: Mapping[str, Array], count: int) -> Array:
+    if source.constant is not None:
+        return np.full(count, source.constant)
+    parts = [columns[part] for part in source.parts]
+    values = parts[0]
+    for part in parts[1:]:
+        values = values * part if source.product else values + part
+    return values
