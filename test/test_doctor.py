@@ -73,7 +73,7 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
     'voltage one row late': ('early_response', 'warning', delayed('voltage', 1)),
     'current 5 rows late': ('late_response', 'warning', delayed('current', 5)),
     'constant input': (
-        'constant_input', 'warning', replaced('voltage', lambda x: np.full(x.size, 3.0))
+        'constant_input', 'error', replaced('voltage', lambda x: np.full(x.size, 3.0))
     ),
     'dead current sensor': (
         'stuck_channel', 'error', replaced('current', lambda x: np.full(x.size, 0.1))

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.recording.rows import gap_limit, out_of_order, Rows, true_order
+from motor_sysid.recording.rows import gap_limit, out_of_order, Rows, times, true_order
 from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import resample
@@ -161,7 +161,7 @@ def _note_order(series: Sequence[Series]) -> list[Finding]:
             findings.append(
                 Finding(
                     Severity.WARNING, 'time_jumps_back',
-                    f'the stamps of {one.topic} jump back {back} times, first by '
+                    f'the stamps of {one.topic} jump back {times(back)}, first by '
                     f'{-steps[k] / 1e9:.6g} s at message {k + 2}; split there',
                     'each record is simulated from its own start',
                     'look for a clock that was set, a restarted simulation or two publishers',

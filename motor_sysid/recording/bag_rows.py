@@ -15,12 +15,14 @@ from motor_sysid.recording.messages import Messages, Topic
 from motor_sysid.recording.rosbag import Bag
 from motor_sysid.recording.rows import Rows, unwrapped
 from motor_sysid.recording.sources import MsgConfig, Source
+from motor_sysid.signals.channels import CHANNELS, Role
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.units import did_you_mean, parse_unit
 
 NAMED = {'voltage': 'V', 'current': 'A', 'torque': 'N m', 'position': 'rad', 'speed': 'rad/s'}
 """Words in the name of a topic that tell its signal, for examples in messages."""
 
+INPUTS = tuple(channel.name for channel in CHANNELS if channel.role is Role.INPUT)
 Chosen = dict[str, tuple[Source, Topic]]
 
 
@@ -54,8 +56,8 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     series = reader.series(chosen)
     units = {name: source.si_unit() for name, (source, _) in chosen.items()}
     rows, joined = align(series, choose_base(series, config.base_clock), units)
-    findings = [*_unread(bag, chosen), *reader.findings, *clock_findings(series), *joined]
-    return rows, chosen, findings
+    known = [*_missing_topics(bag, config, chosen), *_unread(bag, chosen), *reader.findings]
+    return rows, chosen, [*known, *clock_findings(series), *joined]
 
 
 def _topic(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
@@ -208,6 +210,27 @@ class _Reader:
                     {'joints': len(names)},
                 )
             )  # fmt: skip
+
+
+def _missing_topics(bag: Bag, config: MsgConfig, chosen: Chosen) -> list[Finding]:
+    """Warn where nothing drives the motor, or nothing shows its motion, for want of a topic."""
+    derived = {source.signal for source in config.all_sources() if source.derived}
+    have = derived | set(chosen)
+    found = []
+    for role, signals in (('input', INPUTS), ('motion', ('speed', 'position'))):
+        wanted = [s.topic for name in signals for s in config.sources.get(name, ()) if s.topic]
+        if have & set(signals) or not wanted:
+            continue
+        found.append(
+            Finding(
+                Severity.WARNING, 'missing_topic',
+                f'no {role} was recorded: the bag has no `{wanted[0]}`; its topics are '
+                f'{", ".join(bag.topics)}',
+                'a model cannot be fitted, or only in part',
+                'record that topic too, or say in a msg_config file which topic carries it',
+            )
+        )  # fmt: skip
+    return found
 
 
 def _unread(bag: Bag, chosen: Chosen) -> list[Finding]:

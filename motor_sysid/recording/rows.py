@@ -167,9 +167,14 @@ def out_of_order(what: str, count: int) -> Finding:
     """Return the finding for rows or messages that were put back in order."""
     return Finding(
         Severity.INFO, 'out_of_order',
-        f'{what} overtook each other {count} times; sorted by their stamps',
+        f'{what} overtook each other {times(count)}; sorted by their stamps',
         '', '', {'times': count},
     )  # fmt: skip
+
+
+def times(count: int) -> str:
+    """Return ``once`` or ``3 times``."""
+    return 'once' if count == 1 else f'{count} times'
 
 
 def _monotonic(rows: Rows, findings: list[Finding]) -> Iterator[Rows]:
@@ -180,7 +185,7 @@ def _monotonic(rows: Rows, findings: list[Finding]) -> Iterator[Rows]:
         findings.append(
             Finding(
                 Severity.WARNING, 'time_jumps_back',
-                f'time jumps back {back.size} times, first from {rows.time[first - 1]:.6g} s to '
+                f'time jumps back {times(back.size)}, first from {rows.time[first - 1]:.6g} s to '
                 f'{rows.time[first]:.6g} s at row {first + 1}; split into separate records there',
                 'each record is simulated from its own start',
                 'if these are several tests in one file, name their column as `segment_by` in a '
@@ -230,8 +235,9 @@ def _contiguous(rows: Rows, max_gap: float | None, findings: list[Finding]) -> l
         findings.append(
             Finding(
                 Severity.WARNING, 'gap',
-                f'{cuts.size} gaps of more than {limit:.3g} s, the longest {steps[longest]:.3g} s '
-                f'after {rows.time[longest]:.6g} s; split into separate records there',
+                f'{cuts.size} gap{"s" * (cuts.size > 1)} of more than {limit:.3g} s, the longest '
+                f'{steps[longest]:.3g} s after {rows.time[longest]:.6g} s; split into separate '
+                'records there',
                 'each record is simulated from its own start',
                 'if the signals are slow by nature, allow it with `max_gap` in a msg_config file',
                 {'gaps': cuts.size, 'longest_s': steps[longest], 'limit_s': limit},

@@ -6,6 +6,7 @@ import numpy as np
 
 from motor_sysid.signals.checks.common import (
     Array,
+    DRIVING_CURRENTS,
     INPUTS,
     is_angular,
     main_current,
@@ -47,6 +48,14 @@ def _present(records: Sequence[Record]) -> Iterator[Finding]:
             f'record one of {", ".join(INPUTS)}; a duty cycle times a supply voltage also serves; '
             'other topics and columns are named in a msg_config file',
         )  # fmt: skip
+    elif driver in DRIVING_CURRENTS:
+        yield Finding(
+            Severity.WARNING, 'no_voltage',
+            f'no voltage among the signals ({", ".join(sorted(names))}); {driver} is taken as '
+            'what drives the motor',
+            'only the mechanical side can be identified, per ampere',
+            'record the voltage (or duty cycle and supply voltage) too',
+        )  # fmt: skip
     outputs = [name for name in OUTPUTS if name in names and name != driver]
     if not outputs:
         yield Finding(
@@ -66,12 +75,15 @@ def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:
         return
     name = names[0]
     speeds = [speed for record in records if (speed := speed_of(record)) is not None]
-    moving = any(np.std(s) > 0.05 * np.max(np.abs(s), initial=0.0) > 0 for s in speeds)
+    spread = [np.std(s) / (np.max(np.abs(s), initial=0.0) or 1.0) for s in speeds]
+    turning = sum(_reversals(s, SLOWLY * np.max(np.abs(s), initial=0.0)) for s in speeds)
+    starting = max(spread, default=0.0) > 0.05 and turning == 0
     value = f'{records[0][name][0]:.6g} {records[0].units[name]}'
     yield Finding(
-        Severity.WARNING if moving else Severity.ERROR, 'constant_input',
-        f'{name} is {value} all the time',
-        'only one state is seen: resistance, back-EMF and friction cannot be told apart',
+        Severity.WARNING if starting else Severity.ERROR, 'constant_input',
+        f'{name} is {value} all the time' + (', yet the motor reverses' if turning else ''),
+        'this is not what drives the motor' if turning
+        else 'only one state is seen: resistance, back-EMF and friction cannot be told apart',
         'vary the input: steps of random height, both directions, some seconds',
         {'value': float(records[0][name][0])},
     )  # fmt: skip
