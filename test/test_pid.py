@@ -12,7 +12,7 @@ from motor_sysid.control.profile import Profile, PROFILES
 from motor_sysid.control.tuning import reduce_to_speed, speed_pi
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import Stepper
+from motor_sysid.physics.stepper import Stepper
 
 DT = 0.002
 finite = st.floats(-1e3, 1e3)

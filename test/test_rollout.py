@@ -9,7 +9,8 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.laws import cos, sin, smooth_sign
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
-from motor_sysid.physics.rollout import simulate, Stepper
+from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.stepper import Stepper
 from motor_sysid.signals.record import Record
 
 MOTOR = {'R': 2.0, 'L': 6e-4, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5}

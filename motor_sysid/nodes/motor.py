@@ -18,7 +18,7 @@ from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hid
 from motor_sysid.nodes.publishing import joint_publisher, vector_publisher
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import Stepper
+from motor_sysid.physics.stepper import Stepper
 from motor_sysid.recording.field_reader import FieldReader
 
 BURST = 100

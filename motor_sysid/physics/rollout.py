@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -401,65 +400,6 @@ def simulate(
     values = {name: np.array([value]) for name, value in model.parameters.values().items()}
     run = program.run(values, drive, state, substeps=substeps)
     return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})
-
-
-class Stepper:
-    """A model that runs one sample at a time: the plant of a live simulation.
-
-    Parameters
-    ----------
-    model:
-        The model.
-    dt:
-        Sample time in s.
-    substeps:
-        Integration steps per sample.
-    """
-
-    def __init__(self, model: Model, dt: float, substeps: int = 1) -> None:
-        self.model, self.dt = model, dt
-        self._substeps = substeps
-        self._program = Program.of(model, tuple(o.signal for o in model.kind.outputs))
-        self._outputs = np.empty((1, len(self._program.outputs), LANES))
-        self.reset()
-
-    def reset(self, **state: float) -> None:
-        """Start again at rest, or at the given state (``omega=...``, ``theta=...``)."""
-        values = self.model.parameters.values()
-        table = np.array([[values[name]] for name in self._program.names])
-        self._workspace = self._program.workspace(table, self.dt, self._substeps)
-        depth = int(self._workspace.late[0]) + 2 if self._workspace.late.size else 1
-        self._history = np.zeros((depth, len(self.model.kind.arguments)))
-        start = [state.get(name, 0.0) for name in self.model.kind.states]
-        self._x = np.repeat(np.array(start)[:, np.newaxis], LANES, axis=1)
-        self._count = 0
-
-    def step(self, u: float | Sequence[float]) -> None:
-        """Advance one sample under the held input `u` (n_u values, or one number)."""
-        self._history = np.roll(self._history, -1, axis=0)
-        self._history[-1] = u
-        start = (self._count - len(self._history) + 1) * self.dt
-        drive = Drive(self._history, self.dt, start)
-        last = len(self._history) - 1
-        self._program.advance(
-            self._workspace, self._x, drive, self._substeps, self._outputs, last
-        )
-        self._count += 1
-
-    @cached_property
-    def _biases(self) -> dict[str, float]:
-        return {o.signal: self.model[o.bias] if o.bias else 0.0 for o in self.model.kind.outputs}
-
-    @property
-    def state(self) -> dict[str, float]:
-        """State name to value, now."""
-        return {name: float(self._x[j, 0]) for j, name in enumerate(self.model.kind.states)}
-
-    @property
-    def outputs(self) -> dict[str, float]:
-        """Signal to value, now: sensor offsets included, without noise and differencing."""
-        state = self.state
-        return {o.signal: state[o.state] + self._biases[o.signal] for o in self.model.kind.outputs}
 
 
 def _call_table(
