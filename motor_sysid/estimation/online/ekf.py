@@ -214,6 +214,11 @@ class Ekf(OnlineEstimator):
                 found[name] = Estimate(p.value, p.sigma or np.inf, p.unit, False)
         return found
 
+    @property
+    def sizes(self) -> Sizes | None:
+        """Sizes of states and forces for the inputs so far; None before any input."""
+        return self._sizes if self._size > 0 else None
+
     def covariance(self) -> Array:
         """Return the covariance of states, then parameters."""
         return np.array(self._filter.P)

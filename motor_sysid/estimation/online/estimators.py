@@ -2,6 +2,7 @@
 
 from motor_sysid.estimation.online.base import OnlineEstimator
 from motor_sysid.estimation.online.ekf import Ekf
+from motor_sysid.estimation.online.rls import Rls
 
-ESTIMATORS: dict[str, type[OnlineEstimator]] = {'ekf': Ekf}
+ESTIMATORS: dict[str, type[OnlineEstimator]] = {'rls': Rls, 'ekf': Ekf}
 """Every online estimator by its key."""

@@ -1,6 +1,6 @@
 """One sample of a model from any state, with derivatives: all in one call of the simulator."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -59,9 +59,9 @@ class Motion:
         self._n, self._p = len(model.kind.states), len(moved.names)
         self._memory = np.zeros(len(self._program.memory_offsets))
 
-    def set_values(self, names: Sequence[str], values: Sequence[float]) -> None:
+    def set_values(self, values: Mapping[str, float]) -> None:
         """Change parameters that no derivative is taken by."""
-        for name, value in zip(names, values, strict=True):
+        for name, value in values.items():
             self._values[self._program.names.index(name)] = value
 
     def forget(self) -> None:

@@ -98,10 +98,10 @@ class Sensing:
         self.trust.see(values)
         self._used = np.flatnonzero(np.isfinite(values))
         rows = np.zeros((self._used.size, x.size))
-        for k, j in enumerate(self._used):
-            rows[k, self._target[j]] = 1.0
-            if self._bias[j]:
-                rows[k, self._bias[j]] = 1.0
+        for row, channel in zip(rows, self._used, strict=True):
+            row[self._target[channel]] = 1.0
+            if self._bias[channel]:
+                row[self._bias[channel]] = 1.0
         return values[self._used], rows
 
     def judge(self, innovation: Array, spread: Array, x: Array) -> tuple[Array, bool]:

@@ -1,0 +1,140 @@
+"""The signals that regressions read, at both ends of a sample, from measured outputs."""
+
+from collections.abc import Iterable, Mapping, Sequence
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.model import Model, SpeedSensor
+
+Array = NDArray[np.float64]
+Signals = dict[str, float]
+
+RAW = 'raw '
+"""Before the name of a state: as measured, its sensor's estimated offset not taken off."""
+
+_PATIENCE = 3
+
+
+class Regressors:
+    """Measured outputs as states and inputs of a motor.
+
+    A speed that is a difference, or that is taken from the position, is the mean over the sample
+    and stands for both of its ends; a missing position is the sum of the speed.  Up to three
+    missing samples in a row are bridged by holding.
+
+    Between two samples a state that answers the held input with a time constant of a few samples
+    is an exponential, not a straight line; it is given the line of the same mean.
+
+    Parameters
+    ----------
+    model:
+        The model.
+    outputs:
+        Measured signals.
+    """
+
+    def __init__(self, model: Model, outputs: Sequence[str]) -> None:
+        kind = model.kind
+        self._inputs = kind.arguments
+        known = {o.signal: o for o in kind.outputs}
+        self._column = {known[s].state: j for j, s in enumerate(outputs)}
+        biases = {known[s].state: known[s].bias for s in outputs}
+        self._bias = {state: bias for state, bias in biases.items() if bias}
+        self._fixed = {b: model[b] for b in self._bias.values() if not model.parameters[b].free}
+        difference = model.speed_sensor is SpeedSensor.DIFFERENCE
+        self._mean_speed = difference or 'omega' not in self._column
+        self._title, self._rates = kind.title, dict.fromkeys(self._column, 0.0)
+        self.restart(np.full(len(outputs), np.nan))
+
+    def require(self, names: Iterable[str]) -> None:
+        """Refuse if a name cannot be had.
+
+        Raises
+        ------
+        UserError
+            With the name and the remedies.
+        """
+        have = {*self._column, *self._inputs}
+        if 'theta' in have or 'omega' in have:
+            have |= {'theta', 'omega'}
+        missing = sorted(set(names) - have)
+        if missing:
+            raise UserError(
+                f'recursive least squares of a {self._title} needs `{", ".join(missing)}` '
+                'measured; name the topic for it, or use the estimator `ekf`'
+            )
+
+    def set_rates(self, rates: Mapping[str, float]) -> None:
+        """Set how fast states decay on their own, in 1/s."""
+        self._rates = {state: max(rates[state], 0.0) for state in self._column}
+
+    def restart(self, y: Array) -> None:
+        """Begin at measured outputs."""
+        self._last = np.where(np.isfinite(y), y, 0.0)
+        self._missing = int(not np.all(np.isfinite(y))) * (_PATIENCE + 1)
+        self._angle = 0.0
+        if 'theta' in self._column:
+            self._angle = float(self._last[self._column['theta']])
+
+    def take(
+        self, time: float, h: float, u: Array, y: Array, known: Mapping[str, float]
+    ) -> tuple[Signals, Signals] | None:
+        """Return the signals at the start and the end of a sample, or None after a dropout.
+
+        Parameters
+        ----------
+        time, h:
+            Start and length in s.
+        u, y:
+            Held inputs, and outputs at the end, NaN where missing.
+        known:
+            Present estimates of sensor offsets.
+        """
+        fine = bool(np.all(np.isfinite(y)))
+        self._missing = 0 if fine else self._missing + 1
+        before, now = self._last, np.where(np.isfinite(y), y, self._last)
+        self._last = now
+        first, last = self._signals(before, known), self._signals(now, known)
+        first['t'], last['t'] = time, time + h
+        for signals in (first, last):
+            signals.update(zip(self._inputs, u.tolist(), strict=True))
+        self._bend(first, last, h)
+        self._add_motion(first, last, h)
+        return None if self._missing > _PATIENCE else (first, last)
+
+    def _signals(self, y: Array, known: Mapping[str, float]) -> Signals:
+        found: Signals = {}
+        for state, j in self._column.items():
+            value, bias = float(y[j]), self._bias.get(state, '')
+            found[RAW + state] = value - self._fixed.get(bias, 0.0)
+            found[state] = value - (self._fixed.get(bias, 0.0) or known.get(bias, 0.0))
+        return found
+
+    def _bend(self, first: Signals, last: Signals, h: float) -> None:
+        """Shift the line of each state so that its mean is that of the exponential."""
+        for state, rate in self._rates.items():
+            a = rate * h
+            if a > 1e-3:
+                share = -1 / math.expm1(-a) - 1 / a - 0.5
+                shift = share * (last[state] - first[state])
+                for name in (state, RAW + state):
+                    first[name] += shift
+                    last[name] += shift
+
+    def _add_motion(self, first: Signals, last: Signals, h: float) -> None:
+        """Add the speed from the position, or the position from the speed."""
+        if 'omega' not in self._column and 'theta' in self._column:
+            last['omega'] = (last['theta'] - first['theta']) / h
+        if 'omega' in last and self._mean_speed:
+            first['omega'] = last['omega']
+        if 'theta' not in self._column and 'omega' in last:
+            first['theta'] = self._angle
+            self._angle += 0.5 * h * (first['omega'] + last['omega'])
+            last['theta'] = self._angle
+        for name in ('omega', 'theta'):
+            for signals in (first, last):
+                if name in signals:
+                    signals[RAW + name] = signals[name]
