@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from motor_sysid.errors import UserError
+from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import Effect, Enters
 from motor_sysid.physics.effects import add_effect_file, catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
-from motor_sysid.physics.rollout import Drive, Program, simulate
+from motor_sysid.physics.rollout import Program, simulate
 from motor_sysid.physics.scales import scales_of
 from motor_sysid.signals.record import Record
 

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from motor_sysid.diagnosis.result import Curve
+from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.speed import measured_speed
-from motor_sysid.physics.rollout import Drive, input_signals
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]

@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import Drive, Program
+from motor_sysid.physics.rollout import Program
 
 
 class Stepper:

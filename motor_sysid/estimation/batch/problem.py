@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.weighting import Weighting
+from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter
-from motor_sysid.physics.rollout import Drive, Program
+from motor_sysid.physics.rollout import Program
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]

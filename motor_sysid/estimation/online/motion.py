@@ -7,9 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.coordinates import Coordinates
+from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import Drive, Program, Workspace
+from motor_sysid.physics.rollout import Program, Workspace
 
 Array = NDArray[np.float64]
 
