@@ -23,7 +23,7 @@ Found = tuple[float, float]
 
 _SETTLING = 8.0
 _BLOCK = 6.0
-_STEP = 0.15
+_STEP = 0.5
 
 
 class Equation:

@@ -15,6 +15,7 @@ from motor_sysid.physics.rollout import Program, Workspace
 Array = NDArray[np.float64]
 
 _NO_OUTPUTS = np.empty((1, 0, LANES))
+_SAME = 1e-9
 
 
 @dataclass(frozen=True)
@@ -59,11 +60,13 @@ class Motion:
         self._rows = np.array([self._program.names.index(n) for n in moved.names], dtype=np.intp)
         self._n, self._p = len(model.kind.states), len(moved.names)
         self._memory = np.zeros(len(self._program.memory_offsets))
+        self._last: Workspace | None = None
 
     def set_values(self, values: Mapping[str, float]) -> None:
         """Change parameters that no derivative is taken by."""
         for name, value in values.items():
             self._values[self._program.names.index(name)] = value
+        self._last = None
 
     def forget(self) -> None:
         """Set the own states of effects to zero."""
@@ -114,16 +117,24 @@ class Motion:
         lane = 1 + 2 * np.arange(which.size)
         start[which, lane] += steps[which]
         start[which, lane + 1] -= steps[which]
-        table = np.repeat(self._values[:, np.newaxis], LANES, axis=1)
-        if self._p:
-            table[self._rows] = self._moved.values(start[n:].T).T
-        workspace = self._program.workspace(table, drive.dt, delayed=False)
+        workspace = self._workspace(start[n:], drive.dt)
         rows = workspace.buffer.reshape(-1, LANES)
         for offset, value in zip(self._program.memory_offsets, memory, strict=True):
             rows[offset // LANES] = value
         lanes = np.ascontiguousarray(start[:n])
         self._program.advance(workspace, lanes, drive, 1, _NO_OUTPUTS)
         return lanes, workspace
+
+    def _workspace(self, z: Array, h: float) -> Workspace:
+        """Return the matrices of (p, W) coordinates; the last ones where nothing has changed."""
+        last = self._last
+        if not self._p and last is not None and abs(last.width[0, 0] - h) < _SAME:
+            return last
+        table = np.repeat(self._values[:, np.newaxis], LANES, axis=1)
+        if self._p:
+            table[self._rows] = self._moved.values(z.T).T
+        self._last = self._program.workspace(table, h, delayed=False)
+        return self._last
 
     def _read_memory(self, workspace: Workspace) -> Array:
         return np.array([workspace.buffer[offset] for offset in self._program.memory_offsets])
