@@ -48,7 +48,8 @@ def _curve(
 ) -> Curve | None:
     """Return the curve on the effect's axis, and what the refitted model says it should be."""
     one = trial.scored.variant.effect
-    force = next(iter(one.laws), 'torque')
+    forces = [f.name for f in base.kind.forces]
+    force = next((name for name in one.laws if name in forces), forces[0])
     wanted = lacking_name(base, force)
     curve = next((c for c in curves if c.axis == one.card.axis and c.quantity == wanted), None)
     if curve is None or trial.rung.model is base:

@@ -8,6 +8,7 @@ argument names say what it needs, and nothing else has to be declared:
 * the effect's own parameters and own states.
 
 ``torque(...)`` is added to the torque balance and ``voltage(...)`` to the voltage balance;
+``current_sensor(...)`` and ``speed_sensor(...)`` are added to what the sensor shows;
 ``rate(...)`` gives the time derivative of the effect's own state.  A card with ``delay`` set names
 the parameter that delays the input.
 """
@@ -29,6 +30,9 @@ ARGUMENTS = (
 FORCES = ('torque', 'voltage', 'voltage_d', 'voltage_q', 'voltage_a', 'voltage_b', 'voltage_c')
 """Every equation that a law may be added to: these are the names of the law functions."""
 
+SENSORS = ('current_sensor', 'speed_sensor')
+"""Every sensor whose reading a law may change; the law's value is added to the signal."""
+
 Law = Callable[..., float]
 
 
@@ -49,7 +53,10 @@ class Scale(Enum):
     DRAG = 'torque / speed^2'
     SPEED = 'speed'
     CURRENT = 'current'
+    PER_CURRENT = '1 / current'
     VOLTAGE = 'voltage'
+    PER_VOLTAGE = '1 / voltage'
+    SAG = '1 / (voltage current)'
     SAMPLE = 'sample time'
     RATE = 'samples per second'
     DURATION = 'duration'
@@ -202,7 +209,7 @@ def load_effect(key: str, module: ModuleType) -> Effect:
     where = getattr(module, '__file__', key)
     if not isinstance(card, Card):
         raise UserError(f'effect file {where} defines no CARD; see docs/effects.md')
-    laws = {name: getattr(module, name) for name in FORCES if hasattr(module, name)}
+    laws = {name: getattr(module, name) for name in (*FORCES, *SENSORS) if hasattr(module, name)}
     if not laws and not card.delay:
         raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')
     rates: dict[str, Law] = {}

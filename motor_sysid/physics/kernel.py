@@ -30,7 +30,8 @@ def run_block(  # type: ignore[no-untyped-def]
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_address, lane_own, lane_state, stiff_count, stiff_force,
     rate_address, rate_own, rate_state, memory_offset, memory_rate,
-    output_state, output_rate, output_bias, outputs,
+    sensor_address, sensor_own, sensor_state,
+    output_state, output_rate, output_bias, output_sensor, outputs,
 ):  # fmt: skip
     """Simulate one block and write its outputs.
 
@@ -78,6 +79,14 @@ def run_block(  # type: ignore[no-untyped-def]
             position_row = j
 
     for sample in range(first, count):
+        if sensor_address.shape[0] > 0:
+            for k in range(LANES):
+                here[k] = position[sample] if follows else 0.0
+                buffer[time_row * LANES + k] = t0 + sample * dt
+            load_state(buffer, x, state_rows, position_row, follows, here)
+            clear(buffer, output_sensor)
+            for i in range(sensor_address.shape[0]):
+                call_lane(sensor_address[i], base, sensor_own[i], sensor_state[i])
         for y in range(outputs.shape[1]):
             j = output_state[y]
             bias = output_bias[y] * LANES
@@ -89,6 +98,10 @@ def run_block(  # type: ignore[no-untyped-def]
             else:
                 for k in range(LANES):
                     outputs[sample - first, y, k] = x[j, k] + buffer[bias + k]
+            if sensor_address.shape[0] > 0:
+                row = output_sensor[y] * LANES
+                for k in range(LANES):
+                    outputs[sample - first, y, k] += buffer[row + k]
         for j in range(n):
             for k in range(LANES):
                 previous[j, k] = x[j, k]

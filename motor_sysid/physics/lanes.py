@@ -21,14 +21,14 @@ import numpy as np
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics import laws, native
-from motor_sysid.physics.effect import ARGUMENTS, Effect, FORCES, Law
+from motor_sysid.physics.effect import ARGUMENTS, Effect, FORCES, Law, SENSORS
 
 LANES = native.LANES
 """Parameter vectors in one block."""
 
 ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
-ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate(FORCES)}
-FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(FORCES)
+ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate((*FORCES, *SENSORS))}
+FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(ROW_OF_FORCE)
 
 _TEMPLATE = """
 

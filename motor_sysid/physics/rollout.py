@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.drive import Drive
-from motor_sysid.physics.effect import ARGUMENTS, Effect
+from motor_sysid.physics.effect import ARGUMENTS, Effect, SENSORS
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.exponential import substep_matrices
 from motor_sysid.physics.kernel import run_block
@@ -80,6 +80,7 @@ class Program:
         rows = list(range(FIRST_PARAMETER_ROW, row))
         laws: list[tuple[bool, int, Lane, int, int]] = []
         rates: list[tuple[Lane, int, int]] = []
+        sensors: list[tuple[Lane, int, int]] = []
         self.memory_offsets: list[int] = []
         self._memory_rate: list[int] = []
         for one in self.effects:
@@ -93,11 +94,13 @@ class Program:
             for lane in compile_effect(one, motor_names):
                 if lane.target in one.card.states:
                     rates.append((lane, own, state))
+                elif lane.target in SENSORS:
+                    sensors.append((lane, own, state))
                 elif lane.target in force_index:
                     stiff = own_argument[lane.target] in lane.arguments
                     laws.append((not stiff, force_index[lane.target], lane, own, state))
         laws.sort(key=lambda law: law[0])
-        self._keep = [law[2] for law in laws] + [rate[0] for rate in rates]
+        self._keep = [law[2] for law in laws] + [call[0] for call in (*rates, *sensors)]
         self._rows, self._parameter_rows = row + 1, _integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
         self._delay_names = [self.names.index(name) for name in delays]
@@ -105,12 +108,13 @@ class Program:
         self._stiff_force = _integers([law[1] for law in laws])
         self._laws = _call_table([law[2:] for law in laws])
         self._rates = _call_table(rates)
+        self._sensors = _call_table(sensors)
 
     def _aim_outputs(self) -> None:
         known = {output.signal: output for output in self.kind.outputs}
         motor_names = [p.name for p in self.kind.parameters]
         zero_row = self._rows - 1
-        states, differenced, bias = [], [], []
+        states, differenced, bias, sensor = [], [], [], []
         for signal in self.outputs:
             if signal not in known:
                 raise UserError(f'a {self.kind.title} model does not predict `{signal}`')
@@ -121,7 +125,8 @@ class Program:
             bias.append(
                 FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
             )
-        self._outputs = (_integers(states), _integers(differenced), _integers(bias))
+            sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
+        self._outputs = tuple(_integers(v) for v in (states, differenced, bias, sensor))
         self._memory = (_integers(self.memory_offsets), _integers(self._memory_rate))
         self._kind_rows = (
             _integers([ROW_OF_ARGUMENT[s] for s in self.kind.states]),
@@ -277,6 +282,7 @@ class Program:
             self._stiff_force,
             *self._rates,
             *self._memory,
+            *self._sensors,
             *self._outputs,
             outputs,
         )

@@ -1,7 +1,7 @@
 """Output error of a model over records, as a function of a scaled vector: what a fit minimizes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 import itertools
 
 import numpy as np
@@ -160,7 +160,7 @@ def _stretch(
 ) -> Stretch:
     """Prepare rows first to last; a stretch that begins at rest starts from rest."""
     record = even.slice(first, last)
-    drive = Drive.of(record, kind)
+    drive = replace(Drive.of(record, kind), start=float(record.time[0] - even.time[0]))
     measured = np.column_stack([record[name] for name in outputs])
     speed = measured_speed(even)
     top = float(np.max(np.abs(speed), initial=1e-12))

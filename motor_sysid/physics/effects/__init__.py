@@ -26,6 +26,12 @@ _FILES = (
     'input_delay',
     'brush_voltage_drop',
     'armature_heating',
+    'load_dependent_friction',
+    'torque_constant_saturation',
+    'supply_sag',
+    'driver_clipping',
+    'current_sensor_scale',
+    'speed_sensor_offset',
 )
 
 _GROUP = 'motor_sysid.effects'
