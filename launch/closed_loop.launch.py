@@ -42,7 +42,7 @@ def generate_launch_description():
                 description='effects that the motor has and its model lacks',
             ),
             DeclareLaunchArgument('profile', default_value='mixed', description='speed profile'),
-            DeclareLaunchArgument('estimator', default_value='ekf', description='ekf or rls'),
+            DeclareLaunchArgument('estimator', default_value='rls', description='rls or ekf'),
             DeclareLaunchArgument('record', default_value='true', description='record a bag'),
             DeclareLaunchArgument('bag', default_value='', description='folder of the bag'),
             node(

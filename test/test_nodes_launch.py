@@ -1,6 +1,5 @@
-"""The launch file, without `launch`, which no wheel brings: its nodes, arguments and parameters."""
+"""The launch file without `launch`, which no wheel brings: nodes, arguments, parameters."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
 import importlib.util
 from pathlib import Path
@@ -50,7 +49,7 @@ class LaunchedNode:
 
 
 @pytest.fixture
-def description(repository: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[object]]:
+def description(repository: Path, monkeypatch: pytest.MonkeyPatch) -> list[object]:
     modules = {
         'ament_index_python': {},
         'ament_index_python.packages': {'get_package_share_path': lambda name: repository},
@@ -73,7 +72,7 @@ def description(repository: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[l
     assert spec.loader is not None
     loaded = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(loaded)
-    yield loaded.generate_launch_description()
+    return loaded.generate_launch_description()
 
 
 def test_all_four_nodes_start_with_their_config_files(description: list[object]) -> None:

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument('--seconds', type=float, default=20.0, help='duration (default 20)')
     parser.add_argument('--rate', type=float, default=500.0, help='samples per second (500)')
-    parser.add_argument('--estimator', choices=('ekf', 'rls'), default='ekf')
+    parser.add_argument('--estimator', choices=('rls', 'ekf'), default='rls')
     parser.add_argument('--out', type=Path, help='folder for all results (default: demo_DATE)')
     parser.add_argument('--storage', choices=('sqlite3', 'mcap'), default='sqlite3')
     parser.add_argument('--seed', type=int, default=1, help='of the motor and its noise')

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument('--model', type=Path, help='model to start from (default: as recorded)')
     parser.add_argument(
-        '--estimator', choices=('ekf', 'rls'), help='default: as recorded, else ekf'
+        '--estimator', choices=('rls', 'ekf'), help='default: as recorded, else rls'
     )
     parser.add_argument('--msg-config', help='which topic carries which signal')
     parser.add_argument('--node', default='identifier', help='name of the recorded identifier')
@@ -64,7 +64,7 @@ def _configuration(args: argparse.Namespace) -> 'Configuration | None':
     from motor_sysid.recording.rosbag import Bag
 
     if args.model:
-        return Configuration(load_model(args.model), args.estimator or 'ekf')
+        return Configuration(load_model(args.model), args.estimator or 'rls')
     return replace(recorded_configuration(Bag(args.bag), args.node), estimator=args.estimator)
 
 

@@ -36,7 +36,7 @@ class Configuration:
     """
 
     model: Model
-    estimator: str = 'ekf'
+    estimator: str = 'rls'
     sample_time: float = 0.0
     estimate_rate: float = 10.0
     prediction_rate: float = 50.0

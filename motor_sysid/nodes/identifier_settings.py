@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.online import ESTIMATORS
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.parameters import parameter
 from motor_sysid.nodes.plant import parse_assignments
@@ -13,7 +14,7 @@ from motor_sysid.physics.store import load_model
 from motor_sysid.recording.msg_config import load_msg_config
 from motor_sysid.recording.sources import Source
 
-ESTIMATORS, METHODS = ('ekf', 'rls'), ('pso', 'gwo')
+METHODS = ('pso', 'gwo')
 
 
 @dataclass(frozen=True)
@@ -21,7 +22,7 @@ class IdentifierSettings:
     """Parameters of the node."""
 
     estimator: str = parameter(
-        'ekf', 'How parameters are estimated online.', '', choices=ESTIMATORS
+        'rls', 'How parameters are estimated online.', '', choices=tuple(ESTIMATORS)
     )
     motor: str = parameter('brushed_dc', 'Kind of the motor.', '', choices=tuple(motors()))
     model_file: str = parameter(
