@@ -118,6 +118,8 @@ class Ekf(OnlineEstimator):
         if size <= _GROWTH * self._size and not np.any(np.abs(y) > self._limit):
             return
         size = max(size, self._size)
+        if size == 0.0:
+            return
         np.fmax.at(self._seen, self._sensing.state, np.abs(y))
         sizes = self._unit.seen(size, self._seen)
         fresh = prior_sigma(self.model, self._coordinates.names, sizes, self._dt)

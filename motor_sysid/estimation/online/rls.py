@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
+from motor_sysid.estimation.online.despike import Despiker, Sample
 from motor_sysid.estimation.online.ekf import Ekf
 from motor_sysid.estimation.online.equation import Equation, offsets
 from motor_sysid.estimation.online.regressors import Regressors, Signals
@@ -54,7 +55,7 @@ class Rls(OnlineEstimator):
             Equation(model, balance, offset, dt, width, tuning.memory)
             for balance, offset in chosen
         ]
-        self._regressors = Regressors(model, outputs)
+        self._despiker, self._regressors = Despiker(len(outputs)), Regressors(model, outputs)
         self._regressors.require(set().union(*(e.needs() for e in self._equations)))
         self._sizes: Sizes | None = None
         self._prior: dict[str, float] = {}
@@ -66,22 +67,28 @@ class Rls(OnlineEstimator):
         """Take up the motion anew; what was learned stays."""
         self._tracker.restart(y)
         self._regressors.restart(y)
+        self._despiker.restart(y)
         self._fresh = True
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
         """Predict with the present parameters, then learn from the sample."""
         predicted = self._tracker.step(time, h, u, y)
+        sample = self._despiker.push(Sample(time, h, u, y))
+        if sample:
+            self._take(sample)
+        return predicted
+
+    def _take(self, sample: Sample) -> None:
         known = {name: found[0] for name, found in self._found.items()}
-        pair = self._regressors.take(time, h, u, y, known)
+        pair = self._regressors.take(*sample, known)
         if pair is None:
             self._fresh = True
-            return predicted
+            return
         if self._fresh:
             for equation in self._equations:
                 equation.restart(pair[0])
             self._fresh = False
-        self._learn(*pair, h)
-        return predicted
+        self._learn(*pair, sample.length)
 
     def _learn(self, first: Signals, last: Signals, h: float) -> None:
         sizes = self._tracker.sizes
