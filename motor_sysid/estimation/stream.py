@@ -4,7 +4,7 @@ What is published depends on the samples alone, never on how they were bunched o
 arrived: a replay of the same samples gives the same events, bit for bit.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 import hashlib
 from itertools import pairwise
@@ -116,7 +116,7 @@ class EstimateStream:
         self._first = self._last = -1
         self.samples = 0
         self._step = self._rates.sample
-        self._digest = hashlib.blake2b(digest_size=8)
+        self._digests = tuple(hashlib.blake2b(digest_size=16) for _ in range(3))
 
     @property
     def sample_time(self) -> float:
@@ -134,9 +134,11 @@ class EstimateStream:
             (K, n_u) and (K, n_y).
         """
         events: list[Event] = []
-        steps = np.diff(stamps, prepend=self._last if self._last >= 0 else stamps[:1] - 1)
-        for rows in _split(stamps.size, np.flatnonzero(steps <= 0)):
-            if steps[rows.start] <= 0:
+        times: list[int] = stamps.tolist()
+        last = self._last if self._last >= 0 else times[0] - 1
+        cuts = [k for k, (a, b) in enumerate(pairwise([last, *times])) if b <= a]
+        for rows in _split(len(times), cuts):
+            if rows.start in cuts:
                 self.reset()
             events += self._run(stamps[rows], inputs[rows], outputs[rows])
         return events
@@ -164,22 +166,24 @@ class EstimateStream:
         return stamps, *(np.concatenate([part[k] for part in waited]) for k in (1, 2))  # type: ignore[return-value]
 
     def _process(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
-        self._note_gaps(stamps)
-        before = self._last if self._last >= 0 else int(stamps[0])
-        since = np.concatenate([[before], stamps]) - self._first
-        estimates = np.diff(since // self._rates.estimate) > 0
-        due = estimates | (np.diff(since // self._rates.prediction) > 0)
+        times: list[int] = stamps.tolist()
+        before = self._last if self._last >= 0 else times[0]
+        self._note_gaps(before, times)
+        since = [t - self._first for t in (before, *times)]
+        estimates = _crossings(since, self._rates.estimate)
+        due = estimates | _crossings(since, self._rates.prediction)
         events: list[Event] = []
-        for rows in _split(stamps.size, np.flatnonzero(due) + 1):
+        for rows in _split(len(times), [k + 1 for k in due]):
             self._update(stamps[rows], inputs[rows], outputs[rows])
-            if due[rows.stop - 1]:
-                events.append(self._event(bool(estimates[rows.stop - 1])))
+            if rows.stop - 1 in due:
+                events.append(self._event(rows.stop - 1 in estimates))
         return events
 
     def _update(self, stamps: Stamps, inputs: Array, outputs: Array) -> None:
         assert self._online is not None
         self._online.update((stamps - self._first) / SECOND, inputs, outputs)
-        self._digest.update(np.column_stack([stamps.view(np.float64), inputs, outputs]).tobytes())
+        for digest, values in zip(self._digests, (stamps, inputs, outputs), strict=True):
+            digest.update(values.tobytes())
         self.samples += stamps.size
         self._last = int(stamps[-1])
 
@@ -191,19 +195,28 @@ class EstimateStream:
             self.samples,
             self._online.prediction(),
             self._online.residual(),
-            self._digest.copy().hexdigest() if with_estimate else '',
+            self._digest() if with_estimate else '',
             self._online.estimate() if with_estimate else None,
         )
 
-    def _note_gaps(self, stamps: Stamps) -> None:
-        start = stamps[:1] if self._last < 0 else np.array([self._last])
-        steps = np.diff(np.concatenate([start, stamps]))
-        gaps = steps[steps > 1.5 * self._step]
-        self.gaps += gaps.size
-        self.missing += int(np.sum(np.rint(gaps / self._step) - 1))
+    def _note_gaps(self, before: int, times: list[int]) -> None:
+        for a, b in pairwise((before, *times)):
+            if b - a > 1.5 * self._step:
+                self.gaps += 1
+                self.missing += round((b - a) / self._step) - 1
+
+    def _digest(self) -> str:
+        """Return a digest of all samples so far, which is the same however they were bunched."""
+        parts = b''.join(digest.digest() for digest in self._digests)
+        return hashlib.blake2b(parts, digest_size=8).hexdigest()
 
 
-def _split(size: int, cuts: NDArray[np.intp]) -> list[slice]:
+def _crossings(since: Sequence[int], period: int) -> set[int]:
+    """Return which of the times (but the first) begin a new period."""
+    counts = [t // period for t in since]
+    return {k for k, (a, b) in enumerate(pairwise(counts)) if b > a}
+
+
+def _split(size: int, cuts: Collection[int]) -> list[slice]:
     """Return the slices between the cuts; none is empty."""
-    edges = sorted({0, size, *(int(c) for c in cuts)})
-    return [slice(a, b) for a, b in pairwise(edges)]
+    return [slice(a, b) for a, b in pairwise(sorted({0, size, *cuts}))]

@@ -153,7 +153,7 @@ class Pipeline:
         events: list[Event] = []
         while self.collect():
             left = budget - (time.perf_counter() - begin)
-            if worked and left <= 0:
+            if worked and left < self._cost:
                 break
             size = len(self._ready) if budget == math.inf else int(max(left, 0) / self._cost) or 1
             rows = [self._ready.popleft() for _ in range(min(size, len(self._ready)))]

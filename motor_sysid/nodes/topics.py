@@ -3,6 +3,7 @@
 from collections import defaultdict
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,22 +69,29 @@ class SignalPlan:
     topics: tuple[TopicPlan, ...]
     computed: tuple[Source, ...] = ()
 
-    @property
+    @cached_property
     def sources(self) -> tuple[Source, ...]:
         """Source of every column."""
         return (*(s for topic in self.topics for s in topic.sources), *self.computed)
 
-    @property
+    @cached_property
+    def _plain(self) -> bool:
+        """Whether all values come in SI as they are."""
+        return not self.computed and all(_is_plain(source) for source in self.sources)
+
+    @cached_property
     def signals(self) -> tuple[str, ...]:
         """Signal of every column."""
         return tuple(source.signal for source in self.sources)
 
     def columns(self, raw: Array) -> Array:
         """Return (K, columns) values in SI from (K, read) values as they were sent."""
+        if self._plain:
+            return raw
         columns: dict[str, Array] = {}
         for k, source in enumerate(self.sources):
             if k < raw.shape[1]:
-                values = raw[:, k] if _is_plain(source) else source.to_si(raw[:, k])
+                values = source.to_si(raw[:, k])
             else:
                 values = source.to_si(_computed(source, columns, raw.shape[0]))
             columns[source.signal] = values
