@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Mapping
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -114,7 +115,12 @@ def _as_json(result: 'Replay') -> dict[str, object]:
         'seconds': result.seconds,
         'dropped': result.dropped,
         'estimates': {
-            name: {'value': value, 'sigma': sigma, 'unit': unit, 'identifiable': identifiable}
+            name: {
+                'value': value,
+                'sigma': sigma if math.isfinite(sigma) else None,
+                'unit': unit,
+                'identifiable': identifiable,
+            }
             for name, (value, sigma, unit, identifiable) in _last(result).items()
         },
         'check': None if check is None else {
