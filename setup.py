@@ -45,6 +45,7 @@ setup(
         'numba>=0.59',
         'numpy>=1.26',
         'PyYAML>=6.0',
+        'rich>=13.0',
         'rosbags>=0.11,<0.12',
         'scipy>=1.11',
     ],

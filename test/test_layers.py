@@ -22,11 +22,12 @@ ALLOWED = {
     **LIBRARY,
     'nodes': set(LIBRARY),
     'workbench': set(LIBRARY),
+    'benchmark': set(LIBRARY),
     'cli': set(LIBRARY),
 }
 """Room to the rooms it may import; itself and the modules beside the rooms go without saying."""
 
-LAZILY = {'cli': {'nodes', 'workbench'}}
+LAZILY = {'cli': {'nodes', 'workbench', 'benchmark'}}
 """Rooms that may be imported inside a function only: one verb needs them, `--help` does not."""
 
 ROS = {

@@ -28,6 +28,7 @@ DEPENDENCIES = {
     'llvmlite': ('numba', 'python3-numba'),  # of one release with numba, which chooses it
     'numba': ('numba', 'python3-numba'),
     'numpy': ('numpy', 'python3-numpy'),
+    'rich': ('rich', 'python3-rich'),
     'rosbags': ('rosbags', 'python3-rosbags-pip'),
     'scipy': ('scipy', 'python3-scipy'),
     'yaml': ('PyYAML', 'python3-yaml'),
