@@ -2,10 +2,12 @@
 
 from motor_sysid.estimation.batch.least_squares import fit
 from motor_sysid.estimation.batch.problem import Chain, make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch.refit import METHODS, refit
 from motor_sysid.estimation.batch.result import FitResult
+from motor_sysid.estimation.batch.swarms import search, SWARMS
 from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 
 __all__ = [
-    'Chain', 'FitResult', 'Problem', 'Weighting', 'coloured', 'fit', 'make_chain',
-    'observed_outputs', 'white',
+    'METHODS', 'SWARMS', 'Chain', 'FitResult', 'Problem', 'Weighting', 'coloured', 'fit',
+    'make_chain', 'observed_outputs', 'refit', 'search', 'white',
 ]  # fmt: skip

@@ -89,7 +89,7 @@ def fit(
         )
         simulations += solution.simulations
         steps += solution.iterations
-    return _result(problem, weighting, solution, simulations, steps)
+    return result_at(problem, weighting, solution, simulations, steps)
 
 
 def minimize(
@@ -158,9 +158,10 @@ def _trials(
     return np.clip(trials, lower, upper)
 
 
-def _result(
+def result_at(
     problem: Problem, weighting: Weighting, solution: Solution, simulations: int, steps: int
 ) -> FitResult:
+    """Return the model of a solution, with its uncertainty and the effort that it took."""
     near = problem.linearize(solution.z)
     residuals = [problem.settled(one, weighting) for one in near]
     predictions = [s.judged - r for s, r in zip(problem.stretches, residuals, strict=True)]
