@@ -1,1 +1,1 @@
-"""How often the diagnosis is right: an independent simulator, many cases, and tables of results."""
+"""How often the diagnosis is right: an independent simulator, many cases, and tables."""

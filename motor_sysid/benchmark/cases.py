@@ -192,7 +192,8 @@ def _control(
 ) -> tuple[Control, Array | None]:
     """Return what drives record `k`, and its speed reference if there is one."""
     plant, sheet = setting.plant, setting.sheet
-    time = setting.dt * np.arange(round(setting.duration / setting.dt))
+    count = round(setting.duration / setting.dt)
+    time = setting.dt * np.arange(count, dtype=np.float64)
     slow = slow_time(plant)
     shape = PROFILES[setting.profiles[k]](time, slow, rng)
     supply = sheet.voltage

@@ -78,8 +78,8 @@ DATA_SHEETS = (
         24.0, 0.103, 72e-6, 38.5e-3, 542e-7, 405e-3,
     ),
     DataSheet(
-        'Pololu 4753', 'Pololu 37D gearmotor data sheet, 50:1, 12 V (210 kg mm and 5.5 A at stall, '
-        '200 rpm); inductance and rotor inertia of a 37 mm iron-core motor',
+        'Pololu 4753', 'Pololu 37D gearmotor data sheet, 50:1, 12 V: 210 kg mm and 5.5 A '
+        'at stall, 200 rpm; inductance and rotor inertia of a 37 mm iron-core motor',
         12.0, 2.18, 1.6e-3, 0.50, 3.6e-3, 0.45, (0.1, 1.5), (3200,), (200,),
     ),
     DataSheet(

@@ -49,14 +49,26 @@ def run(
 def one(scenario: Scenario, seed: int, index: int) -> Result:
     """Draw, diagnose and judge one case; a diagnosis that raises is a result, too."""
     case = draw(scenario, seed, index)
-    hidden = scenario.effects if scenario.withheld else ()
-    effects = [key for key in catalogue() if key not in hidden]
+    effects = offered(scenario)
     begun = time.perf_counter()
     try:
         found = diagnose(case.train, case.valid, motor='brushed_dc', effects=effects)
     except Exception as error:  # noqa: BLE001 - whatever it raises is what the benchmark reports
         return failed(case, f'{type(error).__name__}: {error}', time.perf_counter() - begun)
     return judged(case, found, time.perf_counter() - begun)
+
+
+def offered(scenario: Scenario) -> list[str]:
+    """Return the candidates that the diagnosis is given.
+
+    What is withheld goes, and with it whatever generalises it: that would be the truth, too.
+    """
+    hidden = set(scenario.effects) if scenario.withheld else set()
+    return [
+        key
+        for key, one in catalogue().items()
+        if key not in hidden and not hidden & set(one.card.generalises)
+    ]
 
 
 def _each(tasks: Sequence[tuple[Scenario, int, int]], workers: int) -> Iterable[Result]:

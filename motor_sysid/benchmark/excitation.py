@@ -17,7 +17,7 @@ REST = 0.5
 
 
 def random_steps(time: Array, slow: float, rng: np.random.Generator) -> Array:
-    """Steps of random height at random times."""
+    """Make steps of random height at random times."""
     return _held(time, slow, lambda: float(rng.uniform(-1, 1)), rng)
 
 

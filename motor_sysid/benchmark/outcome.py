@@ -1,8 +1,9 @@
 """Judge one diagnosis against the truth."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import Enum
+import math
 
 from motor_sysid.benchmark.cases import Case, SENSOR_SCALE
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
@@ -52,16 +53,16 @@ class Result:
 
     Attributes
     ----------
-    index, effects, size, withheld:
-        Which case, and what was hidden.
+    index, effects, size, withheld, known:
+        Which case, what was hidden, and whether the catalogue that the diagnosis had holds it.
     motor, profiles, closed, dt, process:
         What else was drawn: `process` is the random torque in units of rated torque.
     outcome, verdict, named, first, rivals:
         What was said: effects in order, the strongest candidate of the first round, and what it
         was not told from.
-    over_floor, explained:
-        Held-out error after the last step in units of the error that the sensors alone make; and
-        share of the squared error above it that was explained.
+    before, over_floor, explained:
+        Held-out error of the base model and after the last step, in units of the error that the
+        sensors alone make; and share of the squared error above it that was explained.
     evidence:
         dBIC of the first round's strongest candidate.
     base_error:
@@ -76,16 +77,18 @@ class Result:
     effects: tuple[str, ...]
     size: float
     withheld: bool
+    known: bool
     motor: str
     profiles: tuple[str, ...]
     closed: tuple[bool, ...]
     dt: float
     process: float
-    outcome: Outcome
+    outcome: Outcome = Outcome.FAILED
     verdict: str = ''
     named: tuple[str, ...] = ()
     first: str = ''
     rivals: tuple[str, ...] = ()
+    before: float = 0.0
     over_floor: float = 0.0
     explained: float = 0.0
     evidence: float = 0.0
@@ -97,6 +100,11 @@ class Result:
     def title(self) -> str:
         """What was hidden, for tables."""
         return ' + '.join(self.effects) or 'none'
+
+    @property
+    def answer(self) -> str:
+        """What was said, for tables."""
+        return ' + '.join(self.named) or self.verdict or self.outcome.value
 
     def as_dict(self) -> dict[str, object]:
         """Return plain values for JSON."""
@@ -112,13 +120,14 @@ def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
     )
     floor = _floor(case, last.channel_errors)
     before, after = (_combined(step.channel_errors) for step in (first, last))
-    return Result(
-        **_drawn(case),
+    return replace(
+        _drawn(case),
         outcome=_outcome(case, diagnosis, rivals),
         verdict=diagnosis.verdict.value,
         named=diagnosis.effects,
         first=candidates[0].effect if candidates else '',
         rivals=rivals,
+        before=before / floor,
         over_floor=after / floor,
         explained=(before**2 - after**2) / max(before**2 - floor**2, 1e-12),
         evidence=candidates[0].delta_bic if candidates else 0.0,
@@ -129,22 +138,24 @@ def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
 
 def failed(case: Case, error: str, seconds: float) -> Result:
     """Return the result of a diagnosis that raised."""
-    return Result(**_drawn(case), outcome=Outcome.FAILED, seconds=seconds, error=error)
+    return replace(_drawn(case), seconds=seconds, error=error)
 
 
-def _drawn(case: Case) -> dict[str, object]:
+def _drawn(case: Case) -> Result:
+    """Return the part of a result that was clear before the diagnosis."""
     s = case.setting
-    return {
-        'index': case.index,
-        'effects': case.scenario.effects,
-        'size': case.scenario.size,
-        'withheld': case.scenario.withheld,
-        'motor': s.sheet.name,
-        'profiles': s.profiles,
-        'closed': s.closed,
-        'dt': s.dt,
-        'process': s.process[0] / s.sheet.torque,
-    }
+    return Result(
+        index=case.index,
+        effects=case.scenario.effects,
+        size=case.scenario.size,
+        withheld=case.scenario.withheld,
+        known=known(case),
+        motor=s.sheet.name,
+        profiles=s.profiles,
+        closed=s.closed,
+        dt=s.dt,
+        process=s.process[0] / s.sheet.torque,
+    )
 
 
 def known(case: Case) -> bool:
@@ -176,7 +187,7 @@ def _floor(case: Case, channels: Mapping[str, float]) -> float:
 
 
 def _combined(percent: Mapping[str, float]) -> float:
-    return float(sum(v**2 for v in percent.values()) / len(percent)) ** 0.5
+    return math.sqrt(sum(v**2 for v in percent.values()) / len(percent))
 
 
 def _base_error(case: Case, diagnosis: Diagnosis) -> dict[str, float]:

@@ -11,7 +11,8 @@ from motor_sysid.signals.record import Provenance, Record
 Array = NDArray[np.float64]
 
 _UNITS = {
-    'voltage': 'V', 'current': 'A', 'speed': 'rad/s', 'position': 'rad', 'speed_reference': 'rad/s',
+    'voltage': 'V', 'current': 'A', 'speed': 'rad/s', 'position': 'rad',
+    'speed_reference': 'rad/s',
 }  # fmt: skip
 
 
@@ -83,4 +84,5 @@ def measure(
     if reference is not None:
         signals['speed_reference'] = reference
     units = {name: _UNITS[name] for name in signals}
-    return Record(dt * np.arange(count), signals, units, Provenance('benchmark'))
+    time = dt * np.arange(count, dtype=np.float64)
+    return Record(time, signals, units, Provenance('benchmark'))

@@ -99,9 +99,10 @@ def run(
     state = np.zeros(6) if start is None else start.copy()
     steps = substeps or steps_per_sample(plant, dt)
     voltage, states = np.zeros(count), np.empty((count, 6))
+    c, numbers = control, Plant(*map(float, plant))
     _run(
-        Plant(*map(float, plant)), control.reference, float(control.kp), float(control.ki), float(control.limit),
-        float(control.resolution), float(control.counts), dt, steps, random, state, voltage, states,
+        numbers, c.reference, float(c.kp), float(c.ki), float(c.limit), float(c.resolution),
+        float(c.counts), dt, steps, random, state, voltage, states,
     )  # fmt: skip
     return Truth(
         voltage, states[:, _I], states[:, _OMEGA], states[:, _THETA], states[:, _HEAT]
@@ -113,7 +114,8 @@ def steps_per_sample(plant: Plant, dt: float) -> int:
     longest = min(LONGEST_STEP, 0.5 * plant.L / plant.R)
     if plant.share > 0:
         small = plant.J * min(plant.share, 1 - plant.share)
-        longest = min(longest, 0.15 * np.sqrt(small / plant.stiffness), 0.3 * small / plant.damping)
+        swing, fade = np.sqrt(small / plant.stiffness), small / plant.damping
+        longest = min(longest, 0.15 * swing, 0.3 * fade)
     return max(int(np.ceil(dt / longest)), 20)
 
 
