@@ -24,6 +24,7 @@ DIFFERENCE_STEP = 1e-4
 
 _REST_TIME = 0.02
 _START_SPAN = 21
+_PIECE = 500
 
 
 @dataclass(frozen=True)
@@ -348,11 +349,7 @@ class Problem:
         total = np.zeros(len(z))
         for stretch, near, run in zip(self.stretches, at, self.simulate(z), strict=True):
             with np.errstate(over='ignore', invalid='ignore'):
-                error = weighting.flat(stretch.judged[:, :, np.newaxis] - run)
-                total += np.einsum('tk,tk->k', error, error)
-                if near.start.shape[2]:
-                    along = weighting.basis(near.start).T @ error
-                    total -= np.einsum('mk,mk->k', along, along)
+                total += _costs(stretch.judged, run, near.start, weighting)
         return np.where(np.isfinite(total), total, np.inf)
 
     def residuals(self, z: Array, weighting: Weighting) -> list[Array]:
@@ -372,6 +369,23 @@ class Problem:
 
     def _sized(self) -> list[tuple[Parameter, float]]:
         return list(zip(self.free, self.size.tolist(), strict=True))
+
+
+def _costs(measured: Array, run: Array, start: Array, weighting: Weighting) -> Array:
+    """Return (P,) sums of squares of what the (N, n_y, m) directions `start` cannot explain.
+
+    White errors are summed in pieces that stay in the processor's cache.
+    """
+    basis = weighting.basis(start) if start.shape[2] else np.empty((0, 0))
+    total, along = np.zeros(run.shape[2]), np.zeros((basis.shape[1], run.shape[2]))
+    length, width = run.shape[:2]
+    piece = length if weighting.whiteners else _PIECE
+    for a in range(0, length, piece):
+        error = weighting.flat(measured[a : a + piece, :, np.newaxis] - run[a : a + piece])
+        total += np.einsum('tk,tk->k', error, error)
+        if basis.size:
+            along += basis[a * width : a * width + len(error)].T @ error
+    return np.asarray(total - np.einsum('mk,mk->k', along, along))
 
 
 def _size(parameter: Parameter) -> float:
