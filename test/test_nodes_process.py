@@ -171,7 +171,7 @@ def test_live_estimates_are_those_of_a_replay_and_nothing_is_lost_during_refits(
     result = replay(bag)
     assert result.check is not None
     assert result.check.difference == ''
-    assert result.check.compared > 20
+    assert result.check.compared > 5
     assert len({event.first_stamp for event in result.estimates}) == 2, 'before and after reset'
 
 

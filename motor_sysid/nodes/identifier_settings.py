@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.refit import METHODS
 from motor_sysid.estimation.online import ESTIMATORS
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.parameters import parameter
@@ -13,8 +14,6 @@ from motor_sysid.physics.motors import motors
 from motor_sysid.physics.store import load_model
 from motor_sysid.recording.msg_config import load_msg_config
 from motor_sysid.recording.sources import Source
-
-METHODS = ('pso', 'gwo')
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,13 @@ class IdentifierSettings:
         0.0, 'Refit after this much sample time; 0 for on request only.', 's', 0, 1e5, live=True
     )
     refit_window: float = parameter(10.0, 'Length of data in a refit.', 's', 0.1, 1e4, live=True)
-    refit_method: str = parameter('pso', 'Swarm of the refit.', '', choices=METHODS, live=True)
+    refit_method: str = parameter(
+        'pso',
+        'Swarm of the refit, which least squares polish, or these alone.',
+        '',
+        choices=METHODS,
+        live=True,
+    )
     refit_seed: int = parameter(0, 'Seed of the swarm.', '', 0, 2**31 - 1, live=True)
     window_samples: int = parameter(
         30_000, 'Samples kept for refits; more than that are never looked at.', '', 100, 10**7

@@ -146,14 +146,14 @@ class Pipeline:
         Parameters
         ----------
         budget:
-            Stop when about this much time (s) has passed; the rest stays for the next call.  What
-            comes out does not depend on it.
+            Stop before about this much time (s) has passed, or when there is something to publish;
+            the rest stays for the next call.  What comes out does not depend on it.
         """
         begin, worked = time.perf_counter(), False
         events: list[Event] = []
         while self.collect():
             left = budget - (time.perf_counter() - begin)
-            if worked and left < self._cost:
+            if worked and (left < self._cost or (events and budget < math.inf)):
                 break
             size = len(self._ready) if budget == math.inf else int(max(left, 0) / self._cost) or 1
             rows = [self._ready.popleft() for _ in range(min(size, len(self._ready)))]
