@@ -106,9 +106,10 @@ class Model:
         if key in self.effects:
             raise UserError(f'the model has `{key}` already')
         if not self.admits(new):
-            missing = sorted(new.needs() - self.kind.names()) or ['an angle']
+            missing = sorted(new.needs() - self.kind.names())
+            missing = missing or ['an angle' if new.card.rotary else 'a speed sensor of its own']
             raise UserError(
-                f'`{key}` needs {", ".join(missing)}, which a {self.kind.title} model '
+                f'`{key}` needs {", ".join(missing)}, which this {self.kind.title} model '
                 'does not have'
             )
         slim, inherited = self, {}
@@ -127,7 +128,13 @@ class Model:
         return replace(slim, effects=(*slim.effects, key), parameters=parameters)
 
     def admits(self, one: Effect) -> bool:
-        """Whether the effect makes sense for this motor: it asks for nothing that is not there."""
+        """Whether the effect makes sense for this motor: it asks for nothing that is not there.
+
+        Counts differenced over a sample have no offset and no wrong scale, and a linear axis has
+        no angle.
+        """
+        if self.speed_sensor is SpeedSensor.DIFFERENCE and 'speed_sensor' in one.laws:
+            return False
         return not one.needs() - self.kind.names() and not (self.linear and one.card.rotary)
 
     def without_effect(self, key: str) -> 'Model':
