@@ -27,7 +27,8 @@ def test_motor_matrices_match_scipy(inductance):
     ours = substep_matrices(a, b, g, np.full(2, 1e-3))
     for lane in range(2):
         for one, other in zip(ours, reference(a[lane], b[lane], g[lane], 1e-3), strict=True):
-            assert np.allclose(one[:, :, lane], other, rtol=1e-11, atol=1e-12 * np.abs(other).max())
+            close = {'rtol': 1e-11, 'atol': 1e-12 * np.abs(other).max()}
+            assert np.allclose(one[:, :, lane], other, **close)
 
 
 def test_a_lane_that_is_no_motor_is_nan_and_leaves_the_others_alone():
