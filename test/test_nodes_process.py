@@ -48,42 +48,44 @@ def other() -> Iterator[Node]:
     rclpy.try_shutdown(context=context)
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_unknown_parameter_ends_with_code_2_and_a_hint(name: str, tmp_path: Path) -> None:
-    wrong = {'motor': 'rat', 'pid': 'kpp', 'identifier': 'estimater', 'recorder': 'storag'}[name]
-    node = NodeProcess(name, parameters(**{wrong: 1}))
-    assert node.process.wait(40) == 2
-    assert 'did you mean' in node.output()
-    assert 'Traceback' not in node.output()
-    node.kill()
+BAD = {
+    'motor': (parameters(rat=1), 'did you mean `rate`'),
+    'pid': (parameters(kpp=1), 'did you mean `kp`'),
+    'identifier': (parameters(estimater='ekf'), 'did you mean `estimator`'),
+    'recorder': (parameters(storag='mcap'), 'did you mean `storage`'),
+}
+BAD_PID = (
+    (['-p', 'kp'], 'cannot be used'),
+    (['--params-file', '/nowhere.yaml'], '/nowhere.yaml'),
+    (['--', 'surplus'], 'surplus'),
+    (['-p', 'voltage_limit:=-1'], 'outside its range'),
+)
 
 
 @pytest.mark.parametrize(
-    ('arguments', 'message'),
-    [
-        (['-p', 'kp'], 'cannot be used'),
-        (['--params-file', '/nowhere.yaml'], '/nowhere.yaml'),
-        (['--', 'surplus'], 'surplus'),
-        (['-p', 'voltage_limit:=-1'], 'outside its range'),
-    ],
-)
-def test_bad_arguments_end_with_code_2_and_a_reason(arguments: list[str], message: str) -> None:
-    node = NodeProcess('pid', arguments)
-    assert node.process.wait(40) == 2
-    assert message in node.output()
-    assert 'Traceback' not in node.output()
-    node.kill()
+    'cases', [[(n, *bad) for n, bad in BAD.items()], [('pid', *bad) for bad in BAD_PID]],
+    ids=['unknown', 'unusable'],
+)  # fmt: skip
+def test_bad_arguments_end_with_code_2_and_a_reason(
+    cases: list[tuple[str, list[str], str]],
+) -> None:
+    running = [(NodeProcess(name, given), message) for name, given, message in cases]
+    for node, message in running:
+        assert node.process.wait(40) == 2
+        assert message in node.output()
+        assert 'Traceback' not in node.output()
+        node.kill()
 
 
-@pytest.mark.parametrize('name', NAMES)
-def test_config_file_starts_its_node(name: str, repository: Path, tmp_path: Path) -> None:
-    settings = repository / 'config' / f'{name}.yaml'
-    extra = parameters(path=tmp_path / 'bag') if name == 'recorder' else []
-    with nodes(**{name: ['--params-file', str(settings), *extra]}) as running:
-        assert running[name].end(TERM) == 0, running[name].output()
+def test_config_files_start_their_nodes(repository: Path, tmp_path: Path) -> None:
+    given = {n: ['--params-file', str(repository / 'config' / f'{n}.yaml')] for n in NAMES}
+    given['recorder'] += parameters(path=tmp_path / 'bag')
+    with nodes(**given) as running:
+        for node in running.values():
+            assert node.end(TERM) == 0, node.output()
 
 
-@pytest.mark.parametrize('signals', [(INT,), (TERM,), (INT, INT), (INT, TERM, HUP)], ids=str)
+@pytest.mark.parametrize('signals', [(INT,), (TERM,), (INT, INT, TERM, HUP)], ids=str)
 def test_every_node_ends_with_code_0_however_it_is_asked(
     signals: tuple[signal.Signals, ...], tmp_path: Path
 ) -> None:

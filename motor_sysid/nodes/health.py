@@ -20,10 +20,11 @@ ERRORS = 500
 
 @dataclass
 class Batch:
-    """One look at the topics."""
+    """One look at the topics; `taken` is when their messages were in (`time.perf_counter`)."""
 
     messages: int = 0
     waiting: bool = False
+    taken: float = 0.0
 
 
 class Health:
@@ -37,7 +38,7 @@ class Health:
 
     def __init__(self, pipeline: Pipeline, topics: Sequence[RawTopic]) -> None:
         self._pipeline, self._topics = pipeline, topics
-        self._times, self._cpu = Times(), Times()
+        self._intake, self._times, self._cpu = Times(), Times(), Times()
         self._residuals: dict[str, deque[float]] = {}
         self._before = self._totals()
         self.refits = 0
@@ -48,16 +49,17 @@ class Health:
         batch = Batch()
         begin, worked = time.perf_counter(), time.thread_time()
         yield batch
+        if batch.messages:
+            self._intake.add(batch.taken - begin)
         if batch.messages or batch.waiting:
             self._times.add(time.perf_counter() - begin)
             self._cpu.add(time.thread_time() - worked)
 
     def note(self, event: Event) -> None:
-        """Remember the residuals."""
+        """Remember the residuals; after a gap there are none."""
         for name, value in event.residual.items():
-            if name not in self._residuals:
-                self._residuals[name] = deque(maxlen=ERRORS)
-            self._residuals[name].append(value)
+            if math.isfinite(value):
+                self._residuals.setdefault(name, deque(maxlen=ERRORS)).append(value)
 
     def _totals(self) -> tuple[float, float, int]:
         received = sum(topic.received for topic in self._topics)
@@ -69,9 +71,9 @@ class Health:
         passed = max(self._before[0] - before[0], 1e-9)
         cpu = (self._before[1] - before[1]) / passed
         rate = (self._before[2] - before[2]) / passed
-        return [self._intake(cpu, rate), self._model(noise)]
+        return [self._traffic(cpu, rate), self._model(noise)]
 
-    def _intake(self, cpu: float, rate: float) -> Status:
+    def _traffic(self, cpu: float, rate: float) -> Status:
         counts, stream = self._pipeline.join.counts, self._pipeline.stream
         lost = {f'lost {topic.resolved}': topic.lost for topic in self._topics}
         bad = sum(lost.values()) + counts.dropped
@@ -101,10 +103,14 @@ class Health:
         return Status('identifier: intake', values)
 
     def _percentiles(self) -> dict[str, float]:
-        """Say how long batches took by the clock, and of the processor: a busy one interrupts."""
+        """Say how long it took to take messages in, and the whole batch with the estimator.
+
+        Both by the clock; the batch also in processor time, which a busy machine does not stretch.
+        """
+        kinds = {'intake': self._intake, 'batch': self._times, 'batch_cpu': self._cpu}
         return {
             f'{kind}_{name}_ms': 1e3 * times.percentile(share)
-            for kind, times in (('batch', self._times), ('batch_cpu', self._cpu))
+            for kind, times in kinds.items()
             for name, share in SHARES.items()
         }
 

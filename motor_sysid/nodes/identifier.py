@@ -103,6 +103,7 @@ class IdentifierNode(LoopNode):
             with self._health.timed() as batch:
                 batch.waiting = self.hurry
                 batch.messages = self._take(self._pipeline)
+                batch.taken = time.perf_counter()
                 for event in self._pipeline.advance(self.settings.value.time_budget):
                     self._publish(event)
             self.hurry = self._pipeline.collect() > 0
