@@ -15,7 +15,7 @@ from motor_sysid.estimation.batch.swarm import Swarm
 Array = NDArray[np.float64]
 
 _CHI, _C = 0.7298, 2.05
-_FASTEST = 0.5
+_FASTEST = 0.2
 
 
 class ParticleSwarm(Swarm):
