@@ -46,11 +46,9 @@ class Parameter:
 
     @property
     def on_bound(self) -> bool:
-        """Whether the value sits on its box, within 1e-6 of its width (or of itself)."""
-        if self.logarithmic:
-            return not self.lower * (1 + 1e-6) < self.value < self.upper * (1 - 1e-6)
-        margin = 1e-6 * (self.upper - self.lower)
-        return self.value <= self.lower + margin or self.value >= self.upper - margin
+        """Whether the value sits on its box, within a millionth of the bound."""
+        inside = self.lower + 1e-6 * abs(self.lower) < self.value
+        return not (inside and self.value < self.upper - 1e-6 * abs(self.upper))
 
 
 @dataclass(frozen=True)

@@ -23,6 +23,7 @@ DIFFERENCE_STEP = 1e-4
 """Step of central differences in scaled coordinates: error below 4e-6 with measured position."""
 
 _REST_TIME = 0.02
+_WIDE_OPEN = 1e6
 _START_SPAN = 21
 _PIECE = 500
 
@@ -389,5 +390,10 @@ def _costs(measured: Array, run: Array, start: Array, weighting: Weighting) -> A
 
 
 def _size(parameter: Parameter) -> float:
+    """Return the size of a coordinate step: the value, or a thousandth of a box that means it."""
+    if parameter.logarithmic:
+        return 1.0
     reach = 1e-3 * (parameter.upper - parameter.lower)
-    return max(abs(parameter.value), min(reach, 1.0)) if not parameter.logarithmic else 1.0
+    if reach > _WIDE_OPEN:
+        return abs(parameter.value) or 1.0
+    return max(abs(parameter.value), min(reach, 1.0))
