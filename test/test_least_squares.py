@@ -1,12 +1,13 @@
 """The batch fit: known parameters come back, and its uncertainty is what it says."""
 
 from bench_motor import CURRENT_OFFSET, measure, MOTOR, records, voltage_profile
+import numpy as np
+import pytest
+
 from motor_sysid.estimation.batch import coloured, fit, make_chain, observed_outputs, Problem
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record
-import numpy as np
-import pytest
 
 HIDDEN = {'coulomb_friction': {'tau_c': 6e-3}}
 TRUTH = {**MOTOR, 'coulomb_friction.tau_c': 6e-3, 'current_offset': CURRENT_OFFSET}
