@@ -46,7 +46,7 @@ def drive(truth: Model, seconds: float, seed: int, counts: int) -> np.ndarray:
 
 
 @cache
-def samples(seconds: float = 6.0, seed: int = 0, counts: int = 4096) -> np.ndarray:
+def samples(seconds: float = 5.0, seed: int = 0, counts: int = 4096) -> np.ndarray:
     """Return samples of the true motor.
 
     The encoder has that many counts, the speed is their difference over the last sample, the

@@ -15,12 +15,24 @@ _MOMENT = 200.0
 
 
 class Sample(NamedTuple):
-    """A sample: its start and length in s, (n_u,) held input, (n_y,) outputs at its end."""
+    """A sample.
+
+    Attributes
+    ----------
+    time, length:
+        Its start and length in s.
+    u, y:
+        (n_u,) held input, (n_y,) outputs at its end.
+    before, after:
+        (n,) states at its start and end, as far as they are known.
+    """
 
     time: float
     length: float
     u: Array
     y: Array
+    before: Array
+    after: Array
 
 
 class Despiker:

@@ -64,8 +64,10 @@ class Ekf(OnlineEstimator):
         self.model, self._dt, self._tuning, self._reported = model, dt, tuning, names
         self._coordinates = Coordinates([model.parameters[n] for n in (*moved, *biases)])
         self.motion = Motion(model, Coordinates([model.parameters[n] for n in moved]))
-        self._sensing = Sensing(model, outputs, biases, tuning)
         self._n, self._p = len(model.kind.states), len(moved)
+        plain = np.flatnonzero(~self._coordinates.log)
+        index = {self._coordinates.names[k]: self._n + int(k) for k in plain}
+        self._sensing = Sensing(model, outputs, index, tuning)
         self._unit = Sizes.per_unit(model)
         self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
         self._filter = ExtendedKalmanFilter(self._n + self._start.size, max(len(outputs), 1))
@@ -215,6 +217,11 @@ class Ekf(OnlineEstimator):
             else:
                 found[name] = Estimate(p.value, p.sigma or np.inf, p.unit, False)
         return found
+
+    @property
+    def state(self) -> Array:
+        """Motor state (n,), now."""
+        return np.array(self._filter.x[: self._n])
 
     @property
     def sizes(self) -> Sizes | None:

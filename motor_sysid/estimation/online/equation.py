@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from motor_sysid.estimation.online.filters import StateVariableFilter
 from motor_sysid.estimation.online.laws import LawColumns
 from motor_sysid.estimation.online.regression import Regression
-from motor_sysid.estimation.online.regressors import RAW, Signals
+from motor_sysid.estimation.online.regressors import End, RAW
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Balance, Term
@@ -87,13 +87,13 @@ class Equation:
         read = {signal for term in terms for signal in term.signals}
         return read.union(*(law.needs for law in self._laws))
 
-    def restart(self, signals: Signals) -> None:
+    def restart(self, end: End) -> None:
         """Settle the filters at the present signals."""
-        self._filter.start(self._row(signals))
+        self._filter.start(self._row(end))
         self._waiting = _SETTLING / self._w
 
     def step(
-        self, first: Signals, last: Signals, h: float, drive: float, prior: Mapping[str, float]
+        self, first: End, last: End, h: float, drive: float, prior: Mapping[str, float]
     ) -> None:
         """Take one sample.
 
@@ -110,7 +110,7 @@ class Equation:
         """
         self._filter.step(self._row(first), self._row(last), h)
         for law in self._laws:
-            law.advance(last, h)
+            law.advance(last.tracked, h)
         self._waiting -= h
         self._count += 1
         if self._waiting > 0 or self._count % self._every:
@@ -120,12 +120,13 @@ class Equation:
         x, y = self._split(filtered, drive)
         self._ready(drive, prior).update(x, y)
 
-    def _row(self, signals: Signals) -> Array:
+    def _row(self, end: End) -> Array:
         """Return drive, held and free terms, and of each law the free part, then the held."""
-        terms = [self._term(t, signals) for t in (self._balance.drive, *self._held, *self._free)]
-        return np.concatenate([terms, *(law.values(signals) for law in self._laws)])
+        terms = (self._balance.drive, *self._held, *self._free)
+        values = [self._term(term, end.measured) for term in terms]
+        return np.concatenate([values, *(law.values(end.tracked) for law in self._laws)])
 
-    def _term(self, term: Term, signals: Signals) -> float:
+    def _term(self, term: Term, signals: Mapping[str, float]) -> float:
         value = 1.0
         for name in term.signals:
             value *= signals[self._read.get(name, name)]

@@ -1,7 +1,7 @@
 """The columns that the effects of a model add to one of its equations.
 
 A law is linear in its amplitudes: its regressors are its values with one amplitude at one and the
-others at zero.
+others at zero.  (An amplitude that comes with values to try is not linear: it is held.)
 """
 
 from collections.abc import Mapping
@@ -14,6 +14,8 @@ from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
+
+_ABSURD = 1e12
 
 
 class LawColumns:
@@ -29,7 +31,7 @@ class LawColumns:
     Attributes
     ----------
     names:
-        Its free amplitudes, as parameters of the model.
+        Its free amplitudes in which it is linear, as parameters of the model.
     needs:
         States and inputs that its laws read.
     """
@@ -39,7 +41,7 @@ class LawColumns:
         self._memory = dict.fromkeys(effect.card.states, 0.0)
         parameters = model.parameters
         own = [p.name for p in effect.card.parameters]
-        amplitudes = [p.name for p in effect.card.amplitudes]
+        amplitudes = [p.name for p in effect.card.amplitudes if not p.trials]
         free = [name for name in amplitudes if parameters[f'{effect.key}.{name}'].free]
         self.names = tuple(f'{effect.key}.{name}' for name in free)
         values = parameters.values()
@@ -64,8 +66,24 @@ class LawColumns:
         return np.broadcast_to(np.asarray(found, dtype=np.float64), (len(self.names) + 1,))
 
     def advance(self, signals: Mapping[str, float], h: float) -> None:
-        """Carry the effect's own states on by `h` s."""
-        everything = {**self._known, **self._memory, **signals}
-        for state, rate in self._rates.items():
-            slope = rate(*(everything[name] for name in self._rate_arguments[state]))
-            self._memory[state] += h * float(np.max(slope))
+        """Carry the effect's own states on by `h` s under held signals (Runge-Kutta 4)."""
+        if not self._rates:
+            return
+        now = np.array(list(self._memory.values()))
+        k1 = self._slope(now, signals)
+        k2 = self._slope(now + 0.5 * h * k1, signals)
+        k3 = self._slope(now + 0.5 * h * k2, signals)
+        k4 = self._slope(now + h * k3, signals)
+        after = now + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        if not np.all(np.abs(after) < _ABSURD):
+            after = np.zeros_like(after)
+        self._memory = dict(zip(self._memory, after.tolist(), strict=True))
+
+    def _slope(self, memory: Array, signals: Mapping[str, float]) -> Array:
+        own = dict(zip(self._memory, memory.tolist(), strict=True))
+        everything = {**self._known, **own, **signals}
+        rates = [
+            rate(*(everything[name] for name in self._rate_arguments[state]))
+            for state, rate in self._rates.items()
+        ]
+        return np.array([float(np.max(rate)) for rate in rates])

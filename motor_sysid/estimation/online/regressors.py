@@ -2,20 +2,39 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.online.despike import Sample
+from motor_sysid.estimation.online.reading import Reading
 from motor_sysid.physics.model import Model, SpeedSensor
 
 Array = NDArray[np.float64]
 Signals = dict[str, float]
 
+
+class End(NamedTuple):
+    """The signals at one end of a sample.
+
+    Attributes
+    ----------
+    measured:
+        For the terms of a balance: what the sensors say, in the form that belongs to the filter.
+    tracked:
+        For the laws, which may be steep: states without the rounding of an encoder.
+    """
+
+    measured: Signals
+    tracked: Signals
+
 RAW = 'raw '
 """Before the name of a state: as measured, its sensor's estimated offset not taken off."""
 
 _PATIENCE = 3
+_NONE = np.empty(0)
 
 
 class Regressors:
@@ -26,7 +45,8 @@ class Regressors:
     missing samples in a row are bridged by holding.
 
     Between two samples a state that answers the held input with a time constant of a few samples
-    is an exponential, not a straight line; it is given the line of the same mean.
+    is an exponential, not a straight line; it is given the line of the same mean.  Sensor laws of
+    effects are undone with the model's parameters.
 
     Parameters
     ----------
@@ -38,12 +58,14 @@ class Regressors:
 
     def __init__(self, model: Model, outputs: Sequence[str]) -> None:
         kind = model.kind
-        self._inputs = kind.arguments
+        self._inputs, self._states = kind.arguments, kind.states
         known = {o.signal: o for o in kind.outputs}
         self._column = {known[s].state: j for j, s in enumerate(outputs)}
         biases = {known[s].state: known[s].bias for s in outputs}
         self._bias = {state: bias for state, bias in biases.items() if bias}
         self._fixed = {b: model[b] for b in self._bias.values() if not model.parameters[b].free}
+        readings = {known[s].state: Reading(model, s, known[s].state, {}) for s in outputs}
+        self._readings = {state: one for state, one in readings.items() if one}
         difference = model.speed_sensor is SpeedSensor.DIFFERENCE
         self._mean_speed = difference or 'omega' not in self._column
         self._title, self._rates = kind.title, dict.fromkeys(self._column, 0.0)
@@ -79,31 +101,32 @@ class Regressors:
         if 'theta' in self._column:
             self._angle = float(self._last[self._column['theta']])
 
-    def take(
-        self, time: float, h: float, u: Array, y: Array, known: Mapping[str, float]
-    ) -> tuple[Signals, Signals] | None:
+    def take(self, sample: Sample, known: Mapping[str, float]) -> tuple[End, End] | None:
         """Return the signals at the start and the end of a sample, or None after a dropout.
 
         Parameters
         ----------
-        time, h:
-            Start and length in s.
-        u, y:
-            Held inputs, and outputs at the end, NaN where missing.
+        sample:
+            The sample; its outputs are NaN where missing.
         known:
             Present estimates of sensor offsets.
         """
-        fine = bool(np.all(np.isfinite(y)))
+        fine = bool(np.all(np.isfinite(sample.y)))
         self._missing = 0 if fine else self._missing + 1
-        before, now = self._last, np.where(np.isfinite(y), y, self._last)
+        before, now = self._last, np.where(np.isfinite(sample.y), sample.y, self._last)
         self._last = now
         first, last = self._signals(before, known), self._signals(now, known)
-        first['t'], last['t'] = time, time + h
-        for signals in (first, last):
-            signals.update(zip(self._inputs, u.tolist(), strict=True))
-        self._bend(first, last, h)
-        self._add_motion(first, last, h)
-        return None if self._missing > _PATIENCE else (first, last)
+        inputs = dict(zip(self._inputs, sample.u.tolist(), strict=True))
+        first.update(inputs, t=sample.time)
+        last.update(inputs, t=sample.time + sample.length)
+        self._bend(first, last, sample.length)
+        self._add_motion(first, last, sample.length)
+        if self._missing > _PATIENCE:
+            return None
+        return self._end(first, sample.before), self._end(last, sample.after)
+
+    def _end(self, signals: Signals, state: Array) -> End:
+        return End(signals, {**signals, **dict(zip(self._states, state.tolist(), strict=True))})
 
     def _signals(self, y: Array, known: Mapping[str, float]) -> Signals:
         found: Signals = {}
@@ -111,6 +134,9 @@ class Regressors:
             value, bias = float(y[j]), self._bias.get(state, '')
             found[RAW + state] = value - self._fixed.get(bias, 0.0)
             found[state] = value - (self._fixed.get(bias, 0.0) or known.get(bias, 0.0))
+        for state, reading in self._readings.items():
+            more = reading.shown(found, _NONE)
+            found[state], found[RAW + state] = found[state] - more, found[RAW + state] - more
         return found
 
     def _bend(self, first: Signals, last: Signals, h: float) -> None:

@@ -17,7 +17,7 @@ from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.despike import Despiker, Sample
 from motor_sysid.estimation.online.ekf import Ekf
 from motor_sysid.estimation.online.equation import Equation, offsets
-from motor_sysid.estimation.online.regressors import Regressors, Signals
+from motor_sysid.estimation.online.regressors import End, Regressors
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.model import Model
 
@@ -72,15 +72,16 @@ class Rls(OnlineEstimator):
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
         """Predict with the present parameters, then learn from the sample."""
+        before = self._tracker.state
         predicted = self._tracker.step(time, h, u, y)
-        sample = self._despiker.push(Sample(time, h, u, y))
+        sample = self._despiker.push(Sample(time, h, u, y, before, self._tracker.state))
         if sample:
             self._take(sample)
         return predicted
 
     def _take(self, sample: Sample) -> None:
         known = {name: found[0] for name, found in self._found.items()}
-        pair = self._regressors.take(*sample, known)
+        pair = self._regressors.take(sample, known)
         if pair is None:
             self._fresh = True
             return
@@ -90,7 +91,7 @@ class Rls(OnlineEstimator):
             self._fresh = False
         self._learn(*pair, sample.length)
 
-    def _learn(self, first: Signals, last: Signals, h: float) -> None:
+    def _learn(self, first: End, last: End, h: float) -> None:
         sizes = self._tracker.sizes
         if sizes is None:
             return

@@ -4,12 +4,13 @@ A speed that is the difference of encoder counts is summed up again to a positio
 one count, white; taken as a speed its noise would be hundreds of times larger and not white.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.base import Tuning
+from motor_sysid.estimation.online.reading import Reading
 from motor_sysid.estimation.online.trust import Trust
 from motor_sysid.physics.model import Model, SpeedSensor
 
@@ -28,26 +29,32 @@ class Sensing:
         The model.
     outputs:
         Measured signals.
-    biases:
-        Sensor offsets at the end of the filter's state.
+    index:
+        Where estimated parameters that are no logarithms lie in the filter's state.
     tuning:
         Settings.
     """
 
     def __init__(
-        self, model: Model, outputs: Sequence[str], biases: Sequence[str], tuning: Tuning
+        self, model: Model, outputs: Sequence[str], index: Mapping[str, int], tuning: Tuning
     ) -> None:
         kind = model.kind
         known = {o.signal: o for o in kind.outputs}
         late = model.speed_sensor is SpeedSensor.DIFFERENCE
-        self._n, self._theta = len(kind.states), kind.states.index('theta')
+        self._names, self._n = kind.states, len(kind.states)
+        self._theta = kind.states.index('theta')
         self.state = np.array([kind.states.index(known[s].state) for s in outputs], dtype=np.intp)
-        self._differenced = [s == 'speed' and late for s in outputs]
+        self._readings = [Reading(model, s, known[s].state, index) for s in outputs]
+        self._lawful = any(self._readings)
+        self._differenced = [
+            s == 'speed' and late and not reading
+            for s, reading in zip(outputs, self._readings, strict=True)
+        ]
         self._unused = [d and 'position' in outputs for d in self._differenced]
         self._target = np.where(self._differenced, self._theta, self.state)
         names = [known[s].bias for s in outputs]
-        self._fixed = [model[b] if b and b not in biases else 0.0 for b in names]
-        self._bias = [biases.index(b) - len(biases) if b in biases else 0 for b in names]
+        self._fixed = [model[b] if b and b not in index else 0.0 for b in names]
+        self._bias = [index.get(b, 0) for b in names]
         self._given = np.array([tuning.noise.get(s, 0.0) for s in outputs])
         self.trust = Trust(len(outputs))
         self._used: NDArray[np.intp] = np.empty(0, dtype=np.intp)
@@ -84,7 +91,13 @@ class Sensing:
         for j, target in enumerate(self._target):
             now = float(x[target])
             y[j] = (now - before[target]) / h if self._differenced[j] else now + self._offset(j, x)
+        if self._lawful:
+            signals = self._signals(x)
+            y += [reading.shown(signals, x) for reading in self._readings]
         return y
+
+    def _signals(self, x: Array) -> dict[str, float]:
+        return dict(zip(self._names, x[: self._n].tolist(), strict=True))
 
     def measured(self, y: Array, x: Array, h: float) -> tuple[Array, Array]:
         """Return measurements (k,) and their rows (k, d) of the state."""
@@ -102,7 +115,22 @@ class Sensing:
             row[self._target[channel]] = 1.0
             if self._bias[channel]:
                 row[self._bias[channel]] = 1.0
+        if self._lawful:
+            self._linearize(x, values, rows)
         return values[self._used], rows
+
+    def _linearize(self, x: Array, values: Array, rows: Array) -> None:
+        """Add the slopes of sensor laws to the rows, and what they are off to the measurements."""
+        signals = self._signals(x)
+        for row, channel in zip(rows, self._used, strict=True):
+            reading = self._readings[channel]
+            if reading:
+                plain = float(row @ x)
+                by_state, by_parameter = reading.slopes(signals, x)
+                row[self._target[channel]] += by_state
+                for at, slope in by_parameter.items():
+                    row[at] += slope
+                values[channel] += float(row @ x) - plain - reading.shown(signals, x)
 
     def judge(self, innovation: Array, spread: Array, x: Array) -> tuple[Array, bool]:
         """Return noise variances (k,) and whether the filter trusts itself too much.
