@@ -1,0 +1,192 @@
+"""`motor-sysid simulate`: a record of a model with realistic sensors."""
+
+import argparse
+from collections.abc import Callable, Mapping
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motor_sysid.cli.common import add_effect_file_argument, load_data, load_effect_files
+from motor_sysid.errors import UserError
+
+if TYPE_CHECKING:
+    from motor_sysid.physics.model import Model
+    from motor_sysid.signals.record import Record
+
+HELP = 'simulate a motor with effects and realistic sensors; write a CSV or a bag'
+
+_REACH = 0.6
+_SLOWEST_LOOP = 0.05
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    _add_plant_arguments(parser)
+    _add_motion_arguments(parser)
+    sensors = parser.add_argument_group('sensors')
+    sensors.add_argument(
+        '--counts', type=int, default=4096, metavar='N',
+        help='encoder counts per turn, or per metre of a linear axis; 0: ideal (default: 4096)',
+    )  # fmt: skip
+    sensors.add_argument(
+        '--current-noise', type=float, default=0.02, metavar='A', help='(default: %(default)s)'
+    )
+    sensors.add_argument(
+        '--current-bits', type=int, default=12, metavar='N',
+        help='bits over -20 A to 20 A; 0: no rounding (default: %(default)s)',
+    )  # fmt: skip
+    sensors.add_argument('--ideal', action='store_true', help='no noise and no rounding at all')
+    sensors.add_argument('--seed', type=int, default=0, help='of the noise (default: 0)')
+
+
+def _add_plant_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument('model', nargs='?', type=Path, metavar='MODEL', help='model (YAML)')
+    parser.add_argument('--motor', default='brushed_dc', metavar='KIND', help='without MODEL')
+    parser.add_argument('--linear', action='store_true', help='a linear axis, without MODEL')
+    parser.add_argument(
+        '--effect', nargs='+', default=[], metavar='EFFECT',
+        help='effects to add, of a plausible size unless set',
+    )  # fmt: skip
+    parser.add_argument(
+        '--set', nargs='+', default=[], metavar='NAME=VALUE',
+        help='parameters in SI units: R=1.2 coulomb_friction.tau_c=0.01',
+    )  # fmt: skip
+    parser.add_argument(
+        '-o', '--out', type=Path, required=True, metavar='FILE',
+        help='.csv, .csv.gz, or else a bag folder',
+    )  # fmt: skip
+    parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help='of a bag')
+    parser.add_argument('--save-model', type=Path, metavar='MODEL', help='write what was run')
+    add_effect_file_argument(parser)
+
+
+def _add_motion_arguments(parser: argparse.ArgumentParser) -> None:
+    motion = parser.add_argument_group('motion')
+    motion.add_argument(
+        '--profile', default='mixed', metavar='NAME',
+        help='speed reference of a controller: mixed, steps, reversals, ramps, sweep',
+    )  # fmt: skip
+    motion.add_argument(
+        '--top-speed', type=float, metavar='SPEED',
+        help='rad/s; default: 60 %% of what the supply allows',
+    )  # fmt: skip
+    motion.add_argument(
+        '--open-loop', type=float, metavar='LEVEL',
+        help='no controller: the profile drives the input, up to this level (V, N m, N)',
+    )  # fmt: skip
+    motion.add_argument(
+        '--input', type=Path, metavar='DATA', help='drive with the recorded input of DATA instead'
+    )
+    motion.add_argument('--supply', type=float, default=24.0, metavar='V', help='(default: 24)')
+    motion.add_argument('--duration', type=float, default=20.0, metavar='S', help='(default: 20)')
+    motion.add_argument('--rate', type=float, default=1000.0, metavar='HZ', help='(default: 1000)')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Simulate and write."""
+    from motor_sysid.physics.store import save_model
+    from motor_sysid.recording.save import write_record
+
+    for name in ('supply', 'duration', 'rate'):
+        if not (math.isfinite(getattr(args, name)) and getattr(args, name) > 0):
+            raise UserError(f'--{name} {getattr(args, name):g} is not positive')
+    load_effect_files(args.effect_file)
+    model = _model(args)
+    record = _record(model, args)
+    write_record(record, args.out, storage=args.storage)
+    if args.save_model:
+        save_model(model, args.save_model)
+        print(f'model: {args.save_model}')
+    names = ', '.join(f'{name} [{record.units[name]}]' for name in record)
+    print(f'{len(record)} samples of {names} over {record.duration:.3g} s: {args.out}')
+    return 0
+
+
+def _model(args: argparse.Namespace) -> 'Model':
+    from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
+    from motor_sysid.physics.model import Model
+    from motor_sysid.physics.store import load_model
+
+    given = parse_assignments(args.set)
+    own = {name: value for name, value in given.items() if '.' not in name}
+    if args.model:
+        model = load_model(args.model).with_values(own)
+    else:
+        model = Model.base(args.motor, own, linear=args.linear)
+    rest = {name: value for name, value in given.items() if '.' in name}
+    scales = scales_of_drive(model, args.supply, 1 / args.rate)
+    return with_hidden(model, args.effect, rest, scales)
+
+
+def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
+    import numpy as np
+
+    from motor_sysid.control.experiment import run_closed, run_open
+    from motor_sysid.control.pid import Pid
+    from motor_sysid.control.profile import Profile
+    from motor_sysid.control.tuning import speed_pi
+
+    if args.input:
+        return _follow(model, load_data([args.input], None)[0], args)
+    dt = 1 / args.rate
+    sense = _sensors(model, args, dt)
+    time = dt * np.arange(max(round(args.duration * args.rate), 2))
+    if args.open_loop is not None:
+        profile = Profile(args.profile, args.open_loop, args.duration)
+        names = _inputs(model)
+        levels = np.array([profile(t) for t in time.tolist()])
+        return run_open(model, {names[0]: levels}, dt, sense)
+    if model.motor != 'brushed_dc':
+        raise UserError(
+            f'a {model.kind.title} is simulated without a controller; give --open-loop LEVEL '
+            'or --input DATA'
+        )
+    top = args.top_speed or _REACH * args.supply / model['k_t']
+    profile = Profile(args.profile, top, args.duration)
+    reference = np.array([profile(t) for t in time.tolist()])
+    gains = speed_pi(model, max(_SLOWEST_LOOP, 20 * dt), args.supply)
+    return run_closed(model, reference, Pid(gains), dt, sense)
+
+
+def _inputs(model: 'Model') -> tuple[str, ...]:
+    """Return the input set to drive: force for a linear axis where there is one."""
+    for names in model.kind.inputs:
+        if ('force' in names) == model.linear:
+            return names
+    return model.kind.inputs[0]
+
+
+def _follow(model: 'Model', record: 'Record', args: argparse.Namespace) -> 'Record':
+    from motor_sysid.control.experiment import run_open
+    from motor_sysid.physics.drive import input_signals
+
+    even = record.uniform()
+    names = input_signals(even, model.kind)
+    inputs = {name: even[name] for name in names}
+    return run_open(model, inputs, even.dt, _sensors(model, args, even.dt))
+
+
+def _sensors(
+    model: 'Model', args: argparse.Namespace, dt: float
+) -> Callable[[Mapping[str, float]], Mapping[str, float]]:
+    """Return the sensors: encoder counts and their difference, and a noisy, rounded current."""
+    from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
+
+    if args.ideal:
+        return lambda outputs: outputs
+    counts = round(args.counts * 2 * math.pi) if model.linear else args.counts
+    settings = SensorSettings(
+        counts_per_revolution=counts,
+        current_noise=args.current_noise,
+        current_bits=args.current_bits,
+        seed=args.seed,
+    )
+    drive = DriveSensors(settings, dt)
+
+    def sense(outputs: Mapping[str, float]) -> dict[str, float]:
+        position = outputs['position']
+        current, speed, counted = drive.read(outputs.get('current', 0.0), position)
+        shown = {'current': current, 'speed': speed, 'position': counted}
+        return {name: shown[name] for name in outputs}
+
+    return sense

@@ -1,0 +1,94 @@
+"""`motor-sysid simulate`: what it writes reads back, and holds the motor that was asked for."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.cli import main
+from motor_sysid.estimation.batch import refit
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.store import load_model
+from motor_sysid.recording import load
+
+SHORT = ['--duration', '3', '--profile', 'reversals']
+MOTOR = ['--set', 'R=1.2', 'L=1.5e-3', 'k_t=0.055', 'J=8e-5', 'b=3e-5']
+
+
+def one(path):
+    (record,) = load(path).records
+    return record
+
+
+@pytest.mark.parametrize('name', ['run.csv', 'run.csv.gz', 'bag'])
+def test_writes_what_loads(tmp_path, capsys, name):
+    out = tmp_path / name
+    assert main(['simulate', *MOTOR, *SHORT, '-o', str(out)]) == 0
+    record = one(out)
+    assert {'voltage', 'current', 'speed', 'position', 'speed_reference'} <= set(record)
+    assert len(record) == 3000
+    assert record.dt == pytest.approx(1e-3)
+    assert '3000 samples' in capsys.readouterr().out
+
+
+def test_the_motor_is_in_the_data(tmp_path):
+    out, kept = tmp_path / 'run.csv', tmp_path / 'motor.yaml'
+    arguments = ['--effect', 'coulomb_friction', '--save-model', str(kept), '-o', str(out)]
+    friction = 'coulomb_friction.tau_c=0.02'
+    assert main(['simulate', *MOTOR, friction, *SHORT, *arguments]) == 0
+    model = load_model(kept)
+    assert model['coulomb_friction.tau_c'] == 0.02
+    start = Model.base('brushed_dc', {'R': 2.0, 'k_t': 0.08}).with_effect('coulomb_friction')
+    start = start.with_values({'omega_eps': model['omega_eps']})
+    found = refit(start, one(out), 'least_squares').model
+    for name in ('R', 'k_t', 'J', 'coulomb_friction.tau_c'):
+        assert found[name] == pytest.approx(model[name], rel=0.03)
+
+
+def test_a_model_follows_a_recorded_input(tmp_path):
+    first, kept, second = tmp_path / 'a.csv', tmp_path / 'm.yaml', tmp_path / 'b.csv'
+    ideal = [*MOTOR, *SHORT, '--ideal', '--save-model', str(kept)]
+    assert main(['simulate', *ideal, '-o', str(first)]) == 0
+    follow = ['--input', str(first), '--ideal']
+    assert main(['simulate', str(kept), *follow, '-o', str(second)]) == 0
+    assert np.allclose(one(first)['current'], one(second)['current'], atol=1e-9)
+
+
+def test_linear_axis_in_open_loop(tmp_path):
+    out = tmp_path / 'axis.csv'
+    axis = ['--motor', 'mechanical_axis', '--linear', '--set', 'J=95', 'b=200']
+    assert main(['simulate', *axis, '--open-loop', '50', *SHORT, '-o', str(out)]) == 0
+    record = one(out)
+    assert record.units['speed'] == 'm/s'
+    assert record.units['force'] == 'N'
+    assert np.max(np.abs(record['force'])) == pytest.approx(25.0)
+
+
+def test_same_seed_same_file(tmp_path):
+    for name, seed in (('a', '1'), ('b', '1'), ('c', '2')):
+        out = str(tmp_path / f'{name}.csv')
+        assert main(['simulate', *SHORT, '--seed', seed, '-o', out]) == 0
+    a, b, c = ((tmp_path / f'{name}.csv').read_bytes() for name in 'abc')
+    assert a == b
+    assert a != c
+
+
+@pytest.mark.parametrize(
+    ('arguments', 'message'),
+    [
+        (['--motor', 'steam'], 'unknown motor'),
+        (['--effect', 'magic'], 'unknown effect'),
+        (['--set', 'R=-1'], 'outside its range'),
+        (['--set', 'R'], 'not `effect.parameter=number`'),
+        (['--profile', 'loop'], 'no profile `loop`'),
+        (['--duration', '0'], 'not positive'),
+        (['--rate', 'nan'], 'not positive'),
+        (['--motor', 'mechanical_axis'], 'give --open-loop'),
+        (['missing.yaml'], 'cannot read'),
+        (['--input', 'missing.csv'], 'missing.csv'),
+    ],
+)
+def test_bad_questions(tmp_path, capsys, arguments, message):
+    assert main(['simulate', *arguments, '-o', str(tmp_path / 'x.csv')]) == 2
+    error = capsys.readouterr().err
+    assert error.startswith('error: ')
+    assert message in error
+    assert 'Traceback' not in error
