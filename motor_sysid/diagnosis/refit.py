@@ -19,7 +19,9 @@ MIN_DELTA_BIC = 20.0
 """Gain in BIC that evidence must have: no false alarm in 40 complete models (DIAGNOSIS study)."""
 
 MIN_GAIN_PERCENT = 1.0
-"""Relative decrease of the held-out error that an effect must bring to matter."""
+MIN_FURTHER_GAIN_PERCENT = 5.0
+"""Relative decrease of the held-out error that an effect must bring to matter: the first one, and
+every further one, for what the first does not fit to the last detail looks like a second one."""
 
 UNPHYSICAL = 'unphysical sign'
 
@@ -242,8 +244,8 @@ def _gate(
         return 'these data cannot tell it from what the model has'
     if delta < MIN_DELTA_BIC:
         return 'no evidence'
-    if gain < MIN_GAIN_PERCENT:
-        return 'does not lower the held-out error'
+    if gain < (MIN_FURTHER_GAIN_PERCENT if old.model.effects else MIN_GAIN_PERCENT):
+        return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
     if blocks < MIN_BLOCKS:
         return f'helps only in {100 * blocks:.0f} % of the held-out data'
     return ''

@@ -25,8 +25,11 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-SIGN_WIDTH = 0.005
-"""Width of the smoothed sign of speed and current, as a fraction of their RMS."""
+SPEED_WIDTH, CURRENT_WIDTH = 0.005, 0.02
+"""Width of the smoothed sign of speed and of current, as a fraction of their RMS.
+
+Current changes within a millisecond, so a narrower sign would be stiffer than a sample can follow.
+"""
 
 
 @dataclass(frozen=True)
@@ -210,10 +213,10 @@ def with_scales(bench: Bench, model: Model) -> Bench:
 def _widths(kind: Motor, records: Sequence[Record]) -> dict[str, float]:
     names = {p.name for p in kind.parameters}
     speed = np.concatenate([measured_speed(r) for r in records])
-    widths = {'omega_eps': SIGN_WIDTH * float(np.sqrt(np.mean(speed**2)))}
+    widths = {'omega_eps': SPEED_WIDTH * float(np.sqrt(np.mean(speed**2)))}
     if 'i_eps' in names:
         current = np.concatenate([r['current'] for r in records])
-        widths['i_eps'] = SIGN_WIDTH * float(np.sqrt(np.mean(current**2)))
+        widths['i_eps'] = CURRENT_WIDTH * float(np.sqrt(np.mean(current**2)))
     return {name: max(width, 1e-9) for name, width in widths.items()}
 
 

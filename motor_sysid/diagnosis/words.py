@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 import itertools
 
+from motor_sysid.diagnosis.refit import parameters_of
 from motor_sysid.diagnosis.remainder import Remainder
 from motor_sysid.diagnosis.result import Candidate, Step, Verdict
 from motor_sysid.physics.effects import effect
@@ -65,7 +66,7 @@ def _named(
         added = next((k for k in after.model.effects if k not in step.model.effects), '')
         found = next((c for c in step.candidates if c.effect == added), None)
         if found is not None:
-            lines.append(_evidence(found, step))
+            lines.append(_evidence(found, step, last))
     for key, others in rivals.items():
         if others:
             lines.append(
@@ -81,10 +82,11 @@ def _named(
     return lines
 
 
-def _evidence(found: Candidate, before: Step) -> str:
+def _evidence(found: Candidate, before: Step, last: Step) -> str:
+    final = parameters_of(last.model, found.effect) or found.parameters
     values = ', '.join(
         f'{name} = {value:.4g} ± {sigma:.1g} {unit}'
-        for name, (value, unit, sigma) in found.parameters.items()
+        for name, (value, unit, sigma) in final.items()
     )
     return (
         f'{found.title} ({values}): evidence dBIC {found.delta_bic:.3g}, held-out error '
