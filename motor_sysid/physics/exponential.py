@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_DEGREE = 13
+_DEGREE = 9
 _LARGEST_NORM = 1e12
 
 

@@ -11,11 +11,13 @@ covariance grows (Zhou and Frank, Int. J. Control 65, 1996, on such tracking fil
 """
 
 from collections.abc import Sequence
+import math
 
 from filterpy.kalman import ExtendedKalmanFilter
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.estimation.online.algebra import largest_stride, project, propagate
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.motion import Motion
@@ -84,7 +86,8 @@ class Ekf(OnlineEstimator):
         self._size, self._seen = 0.0, np.zeros(n)
         self._sizes = self._unit.seen(0.0, self._seen)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
-        self._limit, self._stride = np.zeros(len(self._sensing.state)), self._prior
+        self._limit = np.zeros(len(self._sensing.state))
+        self._rescale()
         self.motion.forget()
 
     def restart(self, y: Array) -> None:
@@ -105,7 +108,7 @@ class Ekf(OnlineEstimator):
             return self._sensing.outputs(before, self._filter.x, h)
         self._predict(time, h, u)
         predicted = self._sensing.outputs(before, self._filter.x, h)
-        if np.all(np.isfinite(self._filter.P)) and np.all(np.isfinite(self._filter.x)):
+        if math.isfinite(self._filter.P.sum() + self._filter.x.sum()):
             self._correct(h, y)
         else:
             self.lost += 1
@@ -128,35 +131,28 @@ class Ekf(OnlineEstimator):
         self._filter.P[self._index, self._index] += np.maximum(fresh**2 - self._prior**2, 0.0)
         self._size, self._sizes, self._prior = size, sizes, np.maximum(fresh, self._prior)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
-        self._stride = np.where(self._coordinates.log, _STRIDE, _STRIDE * self._prior)
+        self._rescale()
         top = sizes.state >= self._unit.state * size
         self._limit = np.where(top, np.inf, _GROWTH * sizes.state)[self._sensing.state]
         self._sensing.begin(sizes.state, self._dt)
 
+    def _rescale(self) -> None:
+        """Set what is measured by the priors and sizes."""
+        log, tuning = self._coordinates.log, self._tuning
+        self._stride = np.where(log, _STRIDE, _STRIDE * self._prior)
+        self._steps = np.where(log, 1e-4, 1e-3 * self._prior)[: self._p]
+        self._push = tuning.disturbance * self._sizes.force
+        self._wander = (tuning.drift * self._prior) ** 2
+
     def _predict(self, time: float, h: float, u: Array) -> None:
         n, p, f = self._n, self._p, self._filter
-        state_steps = 1e-6 * (self._sizes.state + np.abs(f.x[:n]))
-        steps = np.where(self._coordinates.log[:p], 1e-4, 1e-3 * self._prior[:p])
-        move = self.motion.advance(
-            f.x[:n], f.x[n : n + p], np.concatenate([state_steps, steps]), u, time, h
-        )
-        jacobian = np.eye(f.x.size)
-        jacobian[:n, :n] = move.by_state
-        jacobian[:n, n : n + p] = move.by_parameter
-        f.F, f.Q = jacobian, self._process_noise(move.by_force, h)
-        f.x = np.concatenate([move.state, f.x[n:]])
-        covariance = jacobian @ f.P @ jacobian.T + f.Q
-        f.P = 0.5 * (covariance + covariance.T)
-
-    def _process_noise(self, by_force: Array, h: float) -> Array:
-        """Unexplained forces, and parameters that wander unless they are as good as unknown."""
-        n, index, f = self._n, self._index, self._filter
-        q: Array = np.zeros((f.x.size, f.x.size))
-        kick = by_force * (self._tuning.disturbance * self._sizes.force * np.sqrt(1e-3 / h))
-        q[:n, :n] = kick @ kick.T
-        room = 1.0 - f.P[index, index] / self._prior**2
-        q[index, index] = (self._tuning.drift * self._prior) ** 2 * h * np.maximum(room, 0.0)
-        return q
+        steps = np.concatenate((1e-6 * (self._sizes.state + np.abs(f.x[:n])), self._steps))
+        move = self.motion.advance(f.x[:n], f.x[n : n + p], steps, u, time, h)
+        kick = move.by_force * (self._push * math.sqrt(1e-3 / h))
+        room = 1.0 - f.P.diagonal()[n:] / self._prior**2
+        wander = self._wander * (h * np.maximum(room, 0.0))
+        f.P = propagate(f.P, move.by_state, move.by_parameter, kick, wander)
+        f.x = np.concatenate((move.state, f.x[n:]))
 
     def _correct(self, h: float, y: Array) -> None:
         f = self._filter
@@ -164,15 +160,18 @@ class Ekf(OnlineEstimator):
         if z.size == 0:
             return
         innovation = z - rows @ f.x
-        cross = f.P @ rows.T
-        noise, doubt = self._sensing.judge(innovation, np.diag(rows @ cross), f.x)
+        cross, spread = project(f.P, rows)
+        noise, doubt = self._sensing.judge(innovation, spread.diagonal(), f.x)
         if doubt:
             self._widen()
-            cross = f.P @ rows.T
-        noise = self._cautious(cross, rows @ cross + np.diag(noise), innovation, noise)
+            cross, spread = project(f.P, rows)
+        total = spread + np.diag(noise)
+        ratio = largest_stride(cross, total, innovation, self._stride)
+        if ratio > 1.0:  # no sample may move a parameter further than its stride
+            noise = noise + (ratio - 1.0) * total.diagonal()
         f.update(z, lambda x: rows, lambda x: rows @ x, np.diag(noise))
         f.P = 0.5 * (f.P + f.P.T)
-        f.x[self._n :] = np.clip(f.x[self._n :], *self._box)
+        np.clip(f.x[self._n :], *self._box, out=f.x[self._n :])
 
     @property
     def nis(self) -> float:
@@ -186,20 +185,6 @@ class Ekf(OnlineEstimator):
         scale = np.full(f.x.size, np.sqrt(_DOUBT))
         scale[self._index] /= np.sqrt(np.maximum(over, 1.0))
         f.P = scale[:, np.newaxis] * f.P * scale
-
-    def _cautious(self, cross: Array, total: Array, innovation: Array, noise: Array) -> Array:
-        """Return noise so much larger that no parameter moves far in this sample.
-
-        Parameters
-        ----------
-        cross, total:
-            (d, k) covariance of state and innovation, (k, k) variance of the innovation.
-        innovation, noise:
-            (k,) innovation and noise variances.
-        """
-        move = np.abs(cross[self._n :] @ np.linalg.solve(total, innovation))
-        ratio = float(np.max(move / self._stride, initial=1.0))
-        return noise if ratio == 1.0 else noise + (ratio - 1.0) * np.diag(total)
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters with their standard deviations."""

@@ -79,6 +79,7 @@ class Equation:
             [0, *(1 + k for k, t in enumerate([*self._held, *self._free]) if t.derivative)]
         )[1:]
         self._regression: Regression | None = None
+        self._prior: Mapping[str, float] = {}
         self._waiting, self._count = math.inf, 0
 
     def needs(self) -> set[str]:
@@ -151,6 +152,9 @@ class Equation:
 
     def _ready(self, drive: float, prior: Mapping[str, float]) -> Regression:
         """Return the regression, made at the first sample and widened as priors grow."""
+        if self._regression is not None and prior is self._prior:
+            return self._regression
+        self._prior = prior
         sigma = np.array([prior[name] for name in self.names]) / drive
         start = np.array([self._model[name] for name in self.names]) / drive
         if self._offset:
@@ -159,7 +163,7 @@ class Equation:
             sigma = np.append(sigma, lever * prior[self._offset])
         if self._regression is None:
             self._regression = Regression(start, sigma, self._forget, self._block)
-        elif np.any(sigma > 1.2 * self._regression.prior):
+        else:
             self._regression.widen(sigma)
         return self._regression
 

@@ -8,6 +8,7 @@ Models from Sampled Data, 2008.)
 
 import math
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -33,8 +34,7 @@ class StateVariableFilter:
     def __init__(self, width: int, bandwidth: float) -> None:
         self._w = bandwidth
         self.value, self.slope = np.zeros(width), np.zeros(width)
-        self._length = 0.0
-        self._gains: tuple[float, ...] = ()
+        self._length, self._gains = 0.0, np.zeros(8)
 
     def start(self, signal: Array) -> None:
         """Settle at constant signals (width,)."""
@@ -44,18 +44,23 @@ class StateVariableFilter:
         """Advance by `h` s, in which the signals go straight from `first` to `last`."""
         if h != self._length:
             self._length, self._gains = h, self._solve(h)
-        vv, vw, wv, ww, v0, v1, w0, w1 = self._gains
-        value = vv * self.value + vw * self.slope + v0 * first + v1 * last
-        self.slope = wv * self.value + ww * self.slope + w0 * first + w1 * last
-        self.value = value
+        _advance(self.value, self.slope, first, last, self._gains)
 
-    def _solve(self, h: float) -> tuple[float, ...]:
+    def _solve(self, h: float) -> Array:
         """Return the transition of (value, slope) and the gains of both ends of the sample."""
         w, a = self._w, self._w * h
         e = math.exp(-a)
         rise, rate = 1 - e * (1 + a), w * a * e
         ramp, ramp_rate = 1 - 2 * (1 - e) / a + e, rise / h
-        return (
+        return np.array([
             e * (1 + a), e * h, -e * w * a, e * (1 - a),
             rise - ramp, ramp, rate - ramp_rate, ramp_rate,
-        )  # fmt: skip
+        ])  # fmt: skip
+
+
+@njit(cache=True)
+def _advance(value, slope, first, last, gains):  # type: ignore[no-untyped-def]
+    for k in range(value.size):
+        v, w = value[k], slope[k]
+        value[k] = gains[0] * v + gains[1] * w + gains[4] * first[k] + gains[5] * last[k]
+        slope[k] = gains[2] * v + gains[3] * w + gains[6] * first[k] + gains[7] * last[k]

@@ -61,9 +61,14 @@ class LawColumns:
 
     def values(self, signals: Mapping[str, float]) -> Array:
         """Return the value of each free amplitude's column, and of what is held, (m + 1,)."""
-        everything = {**self._known, **self._memory, **signals}
-        found = self._law(*(everything[name] for name in self._arguments))
-        return np.broadcast_to(np.asarray(found, dtype=np.float64), (len(self.names) + 1,))
+        found = self._law(
+            *(signals[n] if n in signals else self._own(n) for n in self._arguments)
+        )
+        column = np.asarray(found, dtype=np.float64)
+        return column if column.ndim else np.full(len(self.names) + 1, found)
+
+    def _own(self, name: str) -> float | Array:
+        return self._memory[name] if name in self._memory else self._known[name]
 
     def advance(self, signals: Mapping[str, float], h: float) -> None:
         """Carry the effect's own states on by `h` s under held signals (Runge-Kutta 4)."""

@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 _NO_OUTPUTS = np.empty((1, 0, LANES))
 _SAME = 1e-9
+_NEAR = 10.0
+_PER_BLOCK = (LANES - 1) // 2
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class Move:
 class Motion:
     """The exact discrete step of a model and its Jacobian by central differences.
 
-    A block of 32 simulations holds the base and 15 differences; more take further blocks.  Own
+    A block of 32 simulations holds the base and 15 differences; more take further blocks.  The
+    matrices of the block are kept as long as the parameters stay within ten of their steps: what
+    they moved since is accounted for to first order, which leaves an error of their square.  Own
     states of effects (heat, say) are carried along, without derivatives.
 
     Parameters
@@ -60,13 +64,14 @@ class Motion:
         self._rows = np.array([self._program.names.index(n) for n in moved.names], dtype=np.intp)
         self._n, self._p = len(model.kind.states), len(moved.names)
         self._memory = np.zeros(len(self._program.memory_offsets))
-        self._last: Workspace | None = None
+        self._blocks: list[_Block] = []
+        self._center, self._length = np.zeros(self._p), 0.0
 
     def set_values(self, values: Mapping[str, float]) -> None:
         """Change parameters that no derivative is taken by."""
         for name, value in values.items():
             self._values[self._program.names.index(name)] = value
-        self._last = None
+        self._blocks = []
 
     def forget(self) -> None:
         """Set the own states of effects to zero."""
@@ -89,52 +94,60 @@ class Motion:
             Time at the start and length of the sample in s.
         """
         n, p = self._n, self._p
+        away = z - self._center
+        near = abs(h - self._length) < _SAME and not (np.abs(away) > _NEAR * steps[n:]).any()
+        if not self._blocks or not near:
+            self._prepare(z, steps[n:], h)
+            away = np.zeros(p)
         drive = Drive(u[np.newaxis, :], h, time)
-        base, ends, force = np.empty(n), np.empty((n, n + p, 2)), np.empty((n, 0))
-        per_block = (LANES - 1) // 2
-        memory = self._memory
-        for first in range(0, max(n + p, 1), per_block):
-            which = np.arange(first, min(first + per_block, n + p))
-            lanes, workspace = self._block(x, z, steps, which, drive, memory)
-            base, force = lanes[:, 0], workspace.matrices[2][0, :, :, 0]
+        ends, memory = np.empty((n, n + p, 2)), self._memory
+        for block in self._blocks:
+            lanes = self._run(block, x, steps, drive, memory)
+            which = block.which
             ends[:, which, :] = lanes[:, 1 : 1 + 2 * which.size].reshape(n, which.size, 2)
-            self._memory = self._read_memory(workspace)
-        slope = (ends[:, :, 0] - ends[:, :, 1]) / (2 * steps)
-        return Move(base.copy(), slope[:, :n], slope[:, n:], force)
+        rows = self._blocks[0].workspace.buffer.reshape(-1, LANES)
+        self._memory = rows[np.array(self._program.memory_offsets, dtype=np.intp) // LANES, 0]
+        slope = (ends[:, :, 0] - ends[:, :, 1]) / (2 * self._used)
+        state = lanes[:, 0] + slope[:, n:] @ away
+        return Move(state, slope[:, :n], slope[:, n:], block.workspace.matrices[2][0, :, :, 0])
 
-    def _block(
-        self,
-        x: Array,
-        z: Array,
-        steps: Array,
-        which: NDArray[np.intp],
-        drive: Drive,
-        memory: Array,
-    ) -> tuple[Array, Workspace]:
-        """Simulate the base and the differences of the chosen directions."""
+    def _prepare(self, z: Array, steps: Array, h: float) -> None:
+        """Make the matrices of every block around the coordinates (p,)."""
+        n, p = self._n, self._p
+        self._center, self._length, self._blocks = z.copy(), h, []
+        self._used = np.concatenate((np.empty(n), steps))
+        for first in range(0, max(n + p, 1), _PER_BLOCK):
+            which = np.arange(first, min(first + _PER_BLOCK, n + p))
+            cloud = np.repeat(z[:, np.newaxis], LANES, axis=1)
+            for k in np.flatnonzero(which >= n):
+                cloud[which[k] - n, 1 + 2 * k] += steps[which[k] - n]
+                cloud[which[k] - n, 2 + 2 * k] -= steps[which[k] - n]
+            table = np.repeat(self._values[:, np.newaxis], LANES, axis=1)
+            table[self._rows] = self._moved.values(cloud.T).T
+            workspace = self._program.workspace(table, h, delayed=False)
+            self._blocks.append(_Block(which, workspace))
+
+    def _run(
+        self, block: '_Block', x: Array, steps: Array, drive: Drive, memory: Array
+    ) -> Array:
+        """Simulate the base and the differences of one block; returns (n, W) states."""
         n = self._n
-        start = np.repeat(np.concatenate([x, z])[:, np.newaxis], LANES, axis=1)
-        lane = 1 + 2 * np.arange(which.size)
-        start[which, lane] += steps[which]
-        start[which, lane + 1] -= steps[which]
-        workspace = self._workspace(start[n:], drive.dt)
-        rows = workspace.buffer.reshape(-1, LANES)
+        lanes = np.repeat(x[:, np.newaxis], LANES, axis=1)
+        for k in range(np.count_nonzero(block.which < n)):
+            state = block.which[k]
+            lanes[state, 1 + 2 * k] += steps[state]
+            lanes[state, 2 + 2 * k] -= steps[state]
+        self._used[:n] = steps[:n]
+        rows = block.workspace.buffer.reshape(-1, LANES)
         for offset, value in zip(self._program.memory_offsets, memory, strict=True):
             rows[offset // LANES] = value
-        lanes = np.ascontiguousarray(start[:n])
-        self._program.advance(workspace, lanes, drive, 1, _NO_OUTPUTS)
-        return lanes, workspace
+        self._program.advance(block.workspace, lanes, drive, 1, _NO_OUTPUTS)
+        return lanes
 
-    def _workspace(self, z: Array, h: float) -> Workspace:
-        """Return the matrices of (p, W) coordinates; the last ones where nothing has changed."""
-        last = self._last
-        if not self._p and last is not None and abs(last.width[0, 0] - h) < _SAME:
-            return last
-        table = np.repeat(self._values[:, np.newaxis], LANES, axis=1)
-        if self._p:
-            table[self._rows] = self._moved.values(z.T).T
-        self._last = self._program.workspace(table, h, delayed=False)
-        return self._last
 
-    def _read_memory(self, workspace: Workspace) -> Array:
-        return np.array([workspace.buffer[offset] for offset in self._program.memory_offsets])
+@dataclass(frozen=True)
+class _Block:
+    """32 simulations: the directions (states, then parameters) of its differences, and memory."""
+
+    which: NDArray[np.intp]
+    workspace: Workspace

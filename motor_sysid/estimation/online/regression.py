@@ -16,6 +16,7 @@ doi:10.2307/1913610.)
 
 from collections import deque
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -77,16 +78,11 @@ class Regression:
                 self._variance = (_PRIOR_NOISE * y) ** 2
         if self._top == 0.0:
             return
-        f = self._keep
-        error = y - float(x @ self.coefficients)
-        weight = self._weight(error)
-        self._information = f * self._information + weight * np.outer(x, x)
-        index = np.arange(x.size)
-        self._information[index, index] += (1 - f) * self._floor
-        gain = np.linalg.solve(self._information, x) * weight
-        self.coefficients = self.coefficients + gain * error
-        both = np.append(x, y)
-        self._moments = self._moments + weight * np.outer(both, both)
+        weight = self._weight(y - float(x @ self.coefficients))
+        _update(
+            self._information, self.coefficients, self._moments, self._floor, x, y, weight,
+            self._keep,
+        )  # fmt: skip
         self._samples += 1
         if self._samples % self._size == 0:
             self._blocks.append((self._samples, self._moments))
@@ -125,3 +121,24 @@ class Regression:
         count = max(self._samples - self.coefficients.size, 1)
         variance = max(float(ends @ moments @ ends), 0.0) / count
         return np.asarray((variance * self._size + 1e-12 * self._top**2) * self._information)
+
+
+@njit(cache=True)
+def _update(  # type: ignore[no-untyped-def]
+    information, coefficients, moments, floor, x, y, weight, keep
+):
+    """Add a weighted sample, in place."""
+    d = x.size
+    error = y
+    for i in range(d):
+        error -= x[i] * coefficients[i]
+        for j in range(d):
+            information[i, j] = keep * information[i, j] + weight * x[i] * x[j]
+            moments[i, j] += weight * x[i] * x[j]
+        information[i, i] += (1.0 - keep) * floor[i]
+        moments[i, d] += weight * x[i] * y
+        moments[d, i] = moments[i, d]
+    moments[d, d] += weight * y * y
+    gain = np.linalg.solve(information, x)
+    for i in range(d):
+        coefficients[i] += gain[i] * weight * error
