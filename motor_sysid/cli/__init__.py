@@ -14,6 +14,7 @@ from motor_sysid.errors import UserError
 
 VERBS = (
     'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'add', 'replay', 'record', 'report',
+    'benchmark',
 )  # fmt: skip
 """Every verb, in the order of the help; each is a module of this package."""
 

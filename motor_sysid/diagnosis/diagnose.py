@@ -148,7 +148,8 @@ class _Engine:
                 f'{rung.validation.error_percent:.3g} -> '
                 f'{winner.rung.validation.error_percent:.3g} %'
             )
-            rung, self.bench = refined(self.prune(winner.rung), self.bench)
+            best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
+            rung, self.bench = refined(self.prune(best), self.bench)
         return self.conclude(ladder, rivals)
 
     def round(self, rung: Rung) -> list[Trial]:
@@ -284,9 +285,9 @@ def _verdict(
     rivals: Mapping[str, tuple[str, ...]],
 ) -> Verdict:
     base, final = ladder[0][0], ladder[-1][0]
-    if len(base.result.unidentifiable) >= TOO_VAGUE:
-        return Verdict.INSUFFICIENT_DATA
     structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
+    if len(base.result.unidentifiable) >= TOO_VAGUE and not structured:
+        return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
     before, after = base.held.error_percent, final.held.error_percent

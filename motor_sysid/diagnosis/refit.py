@@ -33,7 +33,12 @@ MANY = 4
 
 BLOCKS = 20
 MIN_BLOCKS = 0.6
-"""Share of held-out blocks in which the error must fall."""
+CERTAIN_BLOCKS = 0.9
+"""Share of held-out blocks in which the error must fall; and in which the whitened error must fall
+before a first effect is believed whose gain is lost in the noise of the sensors."""
+
+ALIKE = 0.9999
+"""Share of an effect that base parameters mimic, above which they are called alike."""
 
 
 @dataclass(frozen=True)
@@ -102,10 +107,16 @@ class Trial:
         return not self.note
 
 
-def climb(model: Model, bench: Bench, start: Weighting | None = None) -> Rung:
-    """Fit a model on the training data and take its free-running errors."""
-    result = fit(bench.problem(model), start)
-    return judge(result, bench)
+def climb(
+    model: Model, bench: Bench, start: Weighting | None = None, *, briefly: bool = False
+) -> Rung:
+    """Fit a model on the training data and take its free-running errors.
+
+    A trial fits `briefly`: it is followed by a projection, and the winner is fitted in full.
+    """
+    reweight, iterations = (1, 12) if briefly else (3, 30)
+    problem = bench.problem(model)
+    return judge(fit(problem, start, reweight=reweight, iterations=iterations), bench)
 
 
 def polish(rung: Rung, bench: Bench) -> Rung:
@@ -175,14 +186,15 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
     if _impossible(scored):
         return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     model = _opened(variant.model, rung.model, scored)
-    new = climb(model, bench, rung.result.weighting)
+    new = climb(model, bench, rung.result.weighting, briefly=True)
     before, rows = profile_cost(rung.model, bench, weighting)
     after, _ = profile_cost(new.model, bench, weighting)
     extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
     delta = before - after - extra * np.log(rows)
     gain = 100 * (1 - _combined(new.held, rung.held))
     blocks = _blocks_improved(rung.held, new.held)
-    note = _gate(scored, new, rung, delta, gain, blocks)
+    certain = not rung.model.effects and _certain(rung.held, new.held, weighting)
+    note = _gate(scored, new, rung, delta, gain, blocks, certain)
     return Trial(scored, new, float(delta), gain, blocks, note, after / rows)
 
 
@@ -229,8 +241,26 @@ def _blocks_improved(before: Comparison, after: Comparison) -> float:
     return better / count
 
 
+def _certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
+    """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
+    gains = []
+    total = sum(len(r) for r in before.residuals)
+    for old, new in zip(before.residuals, after.residuals, strict=True):
+        a, b = (weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in (old, new))
+        pieces = max(round(BLOCKS * len(old) / total), 1)
+        gains += [float(np.sum(part)) for part in np.array_split(a - b, pieces)]
+    steady = np.mean(np.array(gains) > 0) >= CERTAIN_BLOCKS
+    return bool(sum(gains) > MIN_DELTA_BIC and steady)
+
+
 def _gate(
-    scored: Scored, new: Rung, old: Rung, delta: float, gain: float, blocks: float
+    scored: Scored,
+    new: Rung,
+    old: Rung,
+    delta: float,
+    gain: float,
+    blocks: float,
+    certain: bool,
 ) -> str:
     card = scored.variant.effect.card
     key = scored.variant.effect.key
@@ -240,10 +270,11 @@ def _gate(
         return UNPHYSICAL
     if not np.isfinite(delta):
         return 'cannot be simulated'
-    if scored.overlap > 0.9999:
-        return 'these data cannot tell it from what the model has'
     if delta < MIN_DELTA_BIC:
-        return 'no evidence'
+        alike = scored.overlap > ALIKE
+        return 'these data cannot tell it from what the model has' if alike else 'no evidence'
+    if certain and gain > -MIN_GAIN_PERCENT:
+        return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if old.model.effects else MIN_GAIN_PERCENT):
         return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
     if blocks < MIN_BLOCKS:

@@ -20,7 +20,8 @@ Array = NDArray[np.float64]
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
 _TAPS, _TAP_WIDTH = 120, 4
-_RIDGE = 1e-6
+_RIDGE, _STRONG_RIDGE = 1e-4, 0.1
+_FOLDS = 12
 
 
 @dataclass(frozen=True)
@@ -36,8 +37,9 @@ class Remainder:
     over_floor:
         Largest ratio of an output's error to its noise.
     predictable:
-        Share of the held-out squared error (weighted alike for each output) that the simulated
-        motion predicts; 0 for noise.
+        Share of the squared error of an output that the simulated motion predicts: the squared
+        correlation with a cautious prediction on the held-out data, or what regressions on eleven
+        twelfths of all data predict of the rest, whichever is larger; near 0 for noise.
     """
 
     floor: dict[str, float]
@@ -100,14 +102,27 @@ def _predictable(
         return 0.0
     middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-12
     x, xv = (x - middle) / spread, (xv - middle) / spread
-    gram = x.T @ x + _RIDGE * len(x) * np.eye(x.shape[1])
-    shares = []
-    for j in range(y.shape[1]):
-        offset = float(y[:, j].mean())
-        weights = np.linalg.solve(gram, x.T @ (y[:, j] - offset))
-        left = yv[:, j] - offset - xv @ weights
-        shares.append(1 - float(np.sum(left**2)) / max(float(np.sum(yv[:, j] ** 2)), 1e-300))
-    return max(0.0, *shares)
+    gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
+    offset = y.mean(axis=0)
+    guess = offset + xv @ np.linalg.solve(gram, x.T @ (y - offset))
+    along = np.maximum(np.sum(yv * guess, axis=0), 0.0) ** 2
+    along /= np.maximum(np.sum(yv**2, axis=0) * np.sum(guess**2, axis=0), 1e-300)
+    across = _cross_validated(np.concatenate((x, xv)), np.concatenate((y, yv)))
+    return max(0.0, float(np.max(along)), across)
+
+
+def _cross_validated(x: Array, y: Array) -> float:
+    """Return the largest share of a column of y that regressions on other blocks predict."""
+    block = np.arange(len(x)) * _FOLDS // len(x)
+    grams = [x[block == k].T @ x[block == k] for k in range(_FOLDS)]
+    sides = [x[block == k].T @ y[block == k] for k in range(_FOLDS)]
+    gram = np.sum(grams, axis=0) + _RIDGE * len(x) * np.eye(x.shape[1])
+    side = np.sum(sides, axis=0)
+    left = np.zeros(y.shape[1])
+    for k in range(_FOLDS):
+        weights = np.linalg.solve(gram - grams[k], side - sides[k])
+        left += np.sum((y[block == k] - x[block == k] @ weights) ** 2, axis=0)
+    return float(np.max(1 - left / np.maximum(np.sum(y**2, axis=0), 1e-300)))
 
 
 def _regression(
