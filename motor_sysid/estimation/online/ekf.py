@@ -1,38 +1,24 @@
 """Extended Kalman filter over the motion and, jointly, its parameters.
 
-The state is that of the motor kind, followed by the estimated parameters and sensor offsets.  The
-step is the simulator's own, exact for the linear motor, and its Jacobian a central difference of
-it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint filter; filterpy does the measurement
-update in Joseph's form.)
-
-From a wrong start an extended filter soon believes itself too much.  Two things keep it honest:
-no sample may move a parameter far, and while innovations stay too large or keep their sign the
-covariance grows (Zhou and Frank, Int. J. Control 65, 1996, on such tracking filters).
+An extended filter that starts far from the truth wanders for seconds.  So the first second goes to
+recursive least squares, which are linear and know no bad start; the filter goes on from what they
+found.  Where a signal that they need is not measured, the filter starts from the model.
 """
 
 from collections.abc import Sequence
-import math
 
-from filterpy.kalman import ExtendedKalmanFilter
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.online.algebra import largest_stride, project, propagate
+from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
-from motor_sysid.estimation.online.coordinates import Coordinates
-from motor_sysid.estimation.online.motion import Motion
-from motor_sysid.estimation.online.sensing import Sensing
-from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
-from motor_sysid.physics.effects import effect
+from motor_sysid.estimation.online.joint import JointFilter
+from motor_sysid.estimation.online.rls import Rls
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
-_GROWTH = 1.1
-_KNOWN = 0.5
-_DOUBT = 1.03
-_REACH = 5.0
-_STRIDE = 0.3
+_WARM = 1.0
 
 
 class Ekf(OnlineEstimator):
@@ -42,177 +28,39 @@ class Ekf(OnlineEstimator):
     ----------
     model, dt, outputs, tuning:
         See `OnlineEstimator`.
-    estimated:
-        Names of the parameters to estimate; by default the free ones.
-
-    Attributes
-    ----------
-    lost:
-        How often the filter had to begin anew because a number was no longer finite.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        dt: float,
-        outputs: Sequence[str],
-        tuning: Tuning,
-        estimated: Sequence[str] | None = None,
-    ) -> None:
-        names = [p.name for p in model.parameters.free] if estimated is None else list(estimated)
-        delays = [f'{key}.{effect(key).card.delay}' for key in model.effects]
-        biases = [o.bias for o in model.kind.outputs if o.bias in names]
-        moved = [name for name in names if name not in delays and name not in biases]
-        self.model, self._dt, self._tuning, self._reported = model, dt, tuning, names
-        self._coordinates = Coordinates([model.parameters[n] for n in (*moved, *biases)])
-        self.motion = Motion(model, Coordinates([model.parameters[n] for n in moved]))
-        self._n, self._p = len(model.kind.states), len(moved)
-        plain = np.flatnonzero(~self._coordinates.log)
-        index = {self._coordinates.names[k]: self._n + int(k) for k in plain}
-        self._sensing = Sensing(model, outputs, index, tuning)
-        self._unit = Sizes.per_unit(model)
-        self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
-        self._filter = ExtendedKalmanFilter(self._n + self._start.size, max(len(outputs), 1))
-        self.lost = 0
-        self._begin()
+    def __init__(self, model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> None:
+        self._joint = JointFilter(model, dt, outputs, tuning)
+        self._start: Rls | None = None
+        self._driven = 0.0
+        try:
+            self._start = Rls(model, dt, outputs, tuning)
+        except UserError:
+            self._driven = _WARM
 
-    def _begin(self) -> None:
-        """Forget all data."""
-        n, size = self._n, self._n + self._start.size
-        self._index = np.arange(n, size)
-        self._filter.x = np.concatenate([np.zeros(n), self._start])
-        self._filter.P = np.zeros((size, size))
-        self._prior = np.zeros(size - n)
-        self._size, self._seen = 0.0, np.zeros(n)
-        self._sizes = self._unit.seen(0.0, self._seen)
-        self._box = self._coordinates.reach(self._start, _REACH, self._prior)
-        self._limit = np.zeros(len(self._sensing.state))
-        self._rescale()
-        self.motion.forget()
+    @property
+    def _now(self) -> 'Rls | JointFilter':
+        return self._start or self._joint
 
     def restart(self, y: Array) -> None:
-        """Take up the motion from measured outputs; parameters keep what is known of them."""
-        n, f = self._n, self._filter
-        state, sigma = self._sensing.start(y, f.x, self._sizes.state)
-        f.x[:n] = state
-        f.P[:n, :] = f.P[:, :n] = 0.0
-        f.P[:n, :n] = np.diag(sigma**2)
-        self.motion.forget()
+        """Take up the motion anew; parameters keep what is known of them."""
+        self._now.restart(y)
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
         """Predict, note the prediction, and correct."""
-        self._grow(u, y)
-        before = self._filter.x[: self._n].copy()
-        if self._size == 0.0:
-            self.restart(y)
-            return self._sensing.outputs(before, self._filter.x, h)
-        self._predict(time, h, u)
-        predicted = self._sensing.outputs(before, self._filter.x, h)
-        if math.isfinite(self._filter.P.sum() + self._filter.x.sum()):
-            self._correct(h, y)
-        else:
-            self.lost += 1
-            self._begin()
-            self._grow(u, y)
-            self.restart(y)
+        predicted = self._now.step(time, h, u, y)
+        if self._start is not None:
+            self._driven += h if np.any(u != 0) else 0.0
+            if self._driven >= _WARM:
+                self._joint.take_over(self._start.tracker, self._start.regressions.settled())
+                self._start = None
         return predicted
-
-    def _grow(self, u: Array, y: Array) -> None:
-        """Widen the priors of amplitudes and offsets as larger inputs and motions are seen."""
-        size = float(np.max(np.abs(u)))
-        if size <= _GROWTH * self._size and not np.any(np.abs(y) > self._limit):
-            return
-        size = max(size, self._size)
-        if size == 0.0:
-            return
-        np.fmax.at(self._seen, self._sensing.state, np.abs(y))
-        sizes = self._unit.seen(size, self._seen)
-        fresh = prior_sigma(self.model, self._coordinates.names, sizes, self._dt)
-        self._filter.P[self._index, self._index] += np.maximum(fresh**2 - self._prior**2, 0.0)
-        self._size, self._sizes, self._prior = size, sizes, np.maximum(fresh, self._prior)
-        self._box = self._coordinates.reach(self._start, _REACH, self._prior)
-        self._rescale()
-        top = sizes.state >= self._unit.state * size
-        self._limit = np.where(top, np.inf, _GROWTH * sizes.state)[self._sensing.state]
-        self._sensing.begin(sizes.state, self._dt)
-
-    def _rescale(self) -> None:
-        """Set what is measured by the priors and sizes."""
-        log, tuning = self._coordinates.log, self._tuning
-        self._stride = np.where(log, _STRIDE, _STRIDE * self._prior)
-        self._steps = np.where(log, 1e-4, 1e-3 * self._prior)[: self._p]
-        self._push = tuning.disturbance * self._sizes.force
-        self._wander = (tuning.drift * self._prior) ** 2
-
-    def _predict(self, time: float, h: float, u: Array) -> None:
-        n, p, f = self._n, self._p, self._filter
-        steps = np.concatenate((1e-6 * (self._sizes.state + np.abs(f.x[:n])), self._steps))
-        move = self.motion.advance(f.x[:n], f.x[n : n + p], steps, u, time, h)
-        kick = move.by_force * (self._push * math.sqrt(1e-3 / h))
-        room = 1.0 - f.P.diagonal()[n:] / self._prior**2
-        wander = self._wander * (h * np.maximum(room, 0.0))
-        f.P = propagate(f.P, move.by_state, move.by_parameter, kick, wander)
-        f.x = np.concatenate((move.state, f.x[n:]))
-
-    def _correct(self, h: float, y: Array) -> None:
-        f = self._filter
-        z, rows = self._sensing.measured(y, f.x, h)
-        if z.size == 0:
-            return
-        innovation = z - rows @ f.x
-        cross, spread = project(f.P, rows)
-        noise, doubt = self._sensing.judge(innovation, spread.diagonal(), f.x)
-        if doubt:
-            self._widen()
-            cross, spread = project(f.P, rows)
-        total = spread + np.diag(noise)
-        ratio = largest_stride(cross, total, innovation, self._stride)
-        if ratio > 1.0:  # no sample may move a parameter further than its stride
-            noise = noise + (ratio - 1.0) * total.diagonal()
-        f.update(z, lambda x: rows, lambda x: rows @ x, np.diag(noise))
-        f.P = 0.5 * (f.P + f.P.T)
-        np.clip(f.x[self._n :], *self._box, out=f.x[self._n :])
-
-    @property
-    def nis(self) -> float:
-        """Normalized innovation squared of the last sample."""
-        return float(self._filter.y @ np.linalg.solve(self._filter.S, self._filter.y))
-
-    def _widen(self) -> None:
-        """Trust the prediction less, but no parameter less than before any data."""
-        f = self._filter
-        over = _DOUBT * f.P[self._index, self._index] / self._prior**2
-        scale = np.full(f.x.size, np.sqrt(_DOUBT))
-        scale[self._index] /= np.sqrt(np.maximum(over, 1.0))
-        f.P = scale[:, np.newaxis] * f.P * scale
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters with their standard deviations."""
-        z = self._filter.x[self._n :]
-        values, slope = self._coordinates.values(z), self._coordinates.slope(z)
-        spread = np.sqrt(np.maximum(self._filter.P[self._index, self._index], 0.0))
-        sigma = np.where(self._prior > 0, spread * slope, np.inf)
-        known = spread < _KNOWN * self._prior
-        found: dict[str, Estimate] = {}
-        for name in self._reported:
-            p = self.model.parameters[name]
-            if name in self._coordinates.names:
-                k = self._coordinates.names.index(name)
-                found[name] = Estimate(float(values[k]), float(sigma[k]), p.unit, bool(known[k]))
-            else:
-                found[name] = Estimate(p.value, p.sigma or np.inf, p.unit, False)
-        return found
-
-    @property
-    def state(self) -> Array:
-        """Motor state (n,), now."""
-        return np.array(self._filter.x[: self._n])
-
-    @property
-    def sizes(self) -> Sizes | None:
-        """Sizes of states and forces for the inputs so far; None before any input."""
-        return self._sizes if self._size > 0 else None
+        return self._now.estimate()
 
     def covariance(self) -> Array:
         """Return the covariance of states, then parameters."""
-        return np.array(self._filter.P)
+        return self._now.covariance()

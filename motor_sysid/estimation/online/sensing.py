@@ -42,7 +42,7 @@ class Sensing:
         known = {o.signal: o for o in kind.outputs}
         late = model.speed_sensor is SpeedSensor.DIFFERENCE
         self._names, self._n = kind.states, len(kind.states)
-        self._theta = kind.states.index('theta')
+        self._theta, self._omega = kind.states.index('theta'), kind.states.index('omega')
         self.state = np.array([kind.states.index(known[s].state) for s in outputs], dtype=np.intp)
         self._readings = [Reading(model, s, known[s].state, index) for s in outputs]
         self._lawful = any(self._readings)
@@ -62,7 +62,8 @@ class Sensing:
 
     def begin(self, size: Array, dt: float) -> None:
         """Set the first guess of the noise: a part of the signals, or as given."""
-        guess = np.where(self._differenced, _FIRST_STEP * dt, _FIRST_NOISE) * size[self.state]
+        guess = _FIRST_NOISE * size[self.state]
+        guess = np.where(self._target == self._theta, _FIRST_STEP * dt * size[self._omega], guess)
         given = np.where(self._differenced, self._given * dt, self._given)
         self.trust.guess(np.where(given > 0, given, guess) ** 2)
 
@@ -80,6 +81,10 @@ class Sensing:
         self._sum = float(state[self._theta])
         self.trust.forget_last()
         return state, sigma
+
+    def take_over(self, other: 'Sensing') -> None:
+        """Go on from where another one of the same outputs is."""
+        self.trust, self._sum = other.trust, other._sum
 
     def _offset(self, output: int, x: Array) -> float:
         index = self._bias[output]

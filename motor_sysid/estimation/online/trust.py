@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-_PATIENCE = 20.0
+_PATIENCE, _SHARE = 20.0, 0.2
 _LONGEST = 3000.0
 _SPIKE = 16.0
 _TALLEST = 9.0
@@ -103,7 +103,7 @@ def _judge(table, rows, innovation, spread, noise, spike):  # type: ignore[no-un
         noise[k] = variance
         table[_LAST, row] = value
         table[_COUNT, row] += 1
-        weight = 1.0 / min(_PATIENCE + table[_COUNT, row], _LONGEST)
+        weight = 1.0 / min(max(_SHARE * table[_COUNT, row], _PATIENCE), _LONGEST)
         table[_NOISE, row] = variance + weight * (min(half, _TALLEST * variance) - variance)
         power = min(value * value / total, _TALLEST * max(table[_POWER, row], 1.0))
         table[_POWER, row] += (power - table[_POWER, row]) / _MOMENT
