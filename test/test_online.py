@@ -1,6 +1,6 @@
 """Online estimators: they find the known motor, say how well, and survive bad data."""
 
-from closed_loop import drive, DT, FRICTION, samples, TRUE, true_motor, wrong_motor
+from closed_loop import drive, DT, FRICTION, samples, TRUE, true_motor, WRONG, wrong_motor
 import numpy as np
 import pytest
 from scipy.signal import lsim
@@ -65,6 +65,15 @@ def test_follows_a_resistance_that_rises(key):
     hot[:, 0] += 2000 * DT
     feed(online, hot)
     assert online.estimate()['R'].value == pytest.approx(1.5, rel=0.05)
+
+
+@pytest.mark.parametrize('key', ESTIMATORS)
+def test_missing_friction_does_not_spoil_the_rest(key):
+    start = Model.base('brushed_dc', WRONG, speed_sensor=SpeedSensor.DIFFERENCE)
+    found = feed(identifier(key, start), samples()).estimate()
+    for name in ('R', 'k_t', 'J'):
+        assert found[name].value == pytest.approx(TRUE[name], rel=0.1)
+    assert found['b'].value > 5 * TRUE['b']
 
 
 @pytest.mark.parametrize('key', ESTIMATORS)

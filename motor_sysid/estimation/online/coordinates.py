@@ -42,9 +42,9 @@ class Coordinates:
         start, spread:
             (d,) start and its uncertainty.
         factor:
-            Largest change of what must be positive; the others may go as many `spread` less one.
+            Largest change of what must be positive; the others may go twice as many `spread`.
         """
-        way = np.where(self.log, np.log(factor), (factor - 1) * spread)
+        way = np.where(self.log, np.log(factor), 2 * factor * spread)
         return np.maximum(self.lower, start - way), np.minimum(self.upper, start + way)
 
     def vector(self, values: Sequence[float]) -> Array:

@@ -14,7 +14,7 @@ from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
-_ERROR_MEMORY = 2.0
+_ERROR_MEMORY = 1.0
 
 
 class OnlineIdentifier:
@@ -115,7 +115,7 @@ class OnlineIdentifier:
         self.samples += 1
 
     def _note(self, y: Array) -> None:
-        """Keep mean squares of the residual and of the signal over the last 2 s or so."""
+        """Keep mean squares of the residual and of the signal over the last second or so."""
         keep = self._keep
         for j, residual in enumerate(self._residual):
             if residual == residual:  # not NaN
@@ -137,7 +137,7 @@ class OnlineIdentifier:
         return dict(zip(self.outputs, self._residual.tolist(), strict=True))
 
     def errors(self) -> Mapping[str, float]:
-        """Return the RMS of the residual of each output over the last 2 s, NaN before any."""
+        """Return the RMS of the residual of each output over the last second, NaN before any."""
         weight = np.where(self._power[:, 2] > 0, self._power[:, 2], np.nan)
         return dict(zip(self.outputs, np.sqrt(self._power[:, 0] / weight).tolist(), strict=True))
 

@@ -5,9 +5,10 @@ step is the simulator's own, exact for the linear motor, and its Jacobian a cent
 it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint filter; filterpy does the measurement
 update in Joseph's form.)
 
-From a wrong start an extended filter soon believes itself too much.  Two things keep it honest:
-no sample may move a parameter far, and while innovations stay too large or keep their sign the
-covariance grows (Zhou and Frank, Int. J. Control 65, 1996, on such tracking filters).
+Where a parameter is wrong, changes, or physics is missing, such a filter soon believes itself too
+much.  Three things keep it honest: no sample may move a parameter far, and while innovations stay
+too large or keep their sign, both the covariance grows (Zhou and Frank, Int. J. Control 65, 1996,
+on such tracking filters) and the unexplained torque and voltage that it reckons with.
 """
 
 from collections.abc import Mapping, Sequence
@@ -34,6 +35,7 @@ _DOUBT = 1.03
 _REACH = 5.0
 _STRIDE = 0.3
 _LEAST = 0.03
+_RISE, _FALL, _MOST = 1.02, 0.999, 1e3
 
 
 class JointFilter:
@@ -87,6 +89,7 @@ class JointFilter:
         self._size, self._seen = 0.0, np.zeros(n)
         self._sizes = self._unit.seen(0.0, self._seen)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
+        self._unrest = 1.0
         self._limit = np.zeros(len(self._sensing.state))
         self._rescale()
         self.motion.forget()
@@ -175,7 +178,7 @@ class JointFilter:
         n, p, f = self._n, self._p, self._filter
         steps = np.concatenate((1e-6 * (self._sizes.state + np.abs(f.x[:n])), self._steps))
         move = self.motion.advance(f.x[:n], f.x[n : n + p], steps, u, time, h)
-        kick = move.by_force * (self._push * math.sqrt(1e-3 / h))
+        kick = move.by_force * (self._unrest * self._push * math.sqrt(1e-3 / h))
         room = 1.0 - f.P.diagonal()[n:] / self._prior**2
         wander = self._wander * (h * np.maximum(room, 0.0))
         f.P = propagate(f.P, move.by_state, move.by_parameter, kick, wander)
@@ -192,6 +195,8 @@ class JointFilter:
         if doubt:
             self._widen()
             cross, spread = project(f.P, rows)
+        unrest = self._unrest * (_RISE if doubt else _FALL)
+        self._unrest = min(max(unrest, 1.0), _MOST)
         total = spread + np.diag(noise)
         ratio = largest_stride(cross, total, innovation, self._stride)
         if ratio > 1.0:  # no sample may move a parameter further than its stride
@@ -219,7 +224,8 @@ class JointFilter:
         values, slope = self._coordinates.values(z), self._coordinates.slope(z)
         spread = np.sqrt(np.maximum(self._filter.P[self._index, self._index], 0.0))
         sigma = np.where(self._prior > 0, spread * slope, np.inf)
-        known = spread < _KNOWN * self._prior
+        inside = (self._box[0] < z) & (z < self._box[1])
+        known = (spread < _KNOWN * self._prior) & inside
         found: dict[str, Estimate] = {}
         for name in self._reported:
             p = self.model.parameters[name]
