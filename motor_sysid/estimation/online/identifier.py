@@ -1,6 +1,7 @@
 """Feed time stamped samples to an online estimator: gaps, dropouts, delays and running errors."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 import math
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.estimators import ESTIMATORS
+from motor_sysid.estimation.online.regression import Regression
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -64,9 +66,9 @@ class OnlineIdentifier:
         self._columns = _input_columns(model, inputs)
         self.outputs = _known_outputs(model, outputs)
         self._tuning = tuning or Tuning()
-        self._estimator: OnlineEstimator = ESTIMATORS[estimator](
-            model, dt, self.outputs, self._tuning
-        )
+        make = partial(ESTIMATORS[estimator], model, dt, self.outputs, self._tuning)
+        _compile(make(), len(self._columns), len(outputs), dt)
+        self._estimator = make()
         self._delay = _DelayLine(_delay(model), len(self._columns))
         self.samples = self.gaps = self.dropped = 0
         self._last_time = np.nan
@@ -160,6 +162,14 @@ class OnlineIdentifier:
     def estimator(self) -> OnlineEstimator:
         """The estimator itself."""
         return self._estimator
+
+
+def _compile(scratch: OnlineEstimator, inputs: int, outputs: int, dt: float) -> None:
+    """Compile everything before the first sample: it may take seconds, once on a machine."""
+    scratch.restart(np.zeros(outputs))
+    for k in range(3):
+        scratch.step(k * dt, dt, np.ones(inputs), np.full(outputs, 1e-3 * k))
+    Regression(np.zeros(1), np.ones(1), 0.5, 2).update(np.ones(1), 1.0)
 
 
 class _DelayLine:

@@ -109,7 +109,8 @@ class Motion:
         self._memory = rows[np.array(self._program.memory_offsets, dtype=np.intp) // LANES, 0]
         slope = (ends[:, :, 0] - ends[:, :, 1]) / (2 * self._used)
         state = lanes[:, 0] + slope[:, n:] @ away
-        return Move(state, slope[:, :n], slope[:, n:], block.workspace.matrices[2][0, :, :, 0])
+        by_state, by_parameter = slope[:, :n].copy(), slope[:, n:].copy()
+        return Move(state, by_state, by_parameter, block.workspace.matrices[2][0, :, :, 0].copy())
 
     def _prepare(self, z: Array, steps: Array, h: float) -> None:
         """Make the matrices of every block around the coordinates (p,)."""
