@@ -187,6 +187,8 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
         return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     model = _opened(variant.model, rung.model, scored)
     new = climb(model, bench, rung.result.weighting, briefly=True)
+    if not np.isfinite(new.result.cost + new.held.error_percent):
+        return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
     before, rows = profile_cost(rung.model, bench, weighting)
     after, _ = profile_cost(new.model, bench, weighting)
     extra = len(new.model.parameters.free) - len(rung.model.parameters.free)

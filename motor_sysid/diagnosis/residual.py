@@ -127,7 +127,11 @@ def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
 def _memory(
     key: str, known: Mapping[str, Array | float], states: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Integrate an effect's own states along measured states, Euler, one step a sample."""
+    """Integrate an effect's own states along measured states, one step a sample.
+
+    Each state takes the newest value of those before it (semi-implicit Euler), which keeps a
+    spring and a mass from growing.
+    """
     one = effect(key)
     time = states['t']
     own = dict.fromkeys(one.card.states, 0.0)
@@ -142,14 +146,12 @@ def _memory(
         if n not in own
     }
     for k in range(time.size - 1):
-        rates = {
-            s: rate(*[own[n] if n in own else columns[n][k] for n in names[s]])
-            for s, rate in one.rates.items()
-        }
-        for s, rate_now in rates.items():
-            own[s] += float(rate_now) * float(time[k + 1] - time[k])
+        step = float(time[k + 1] - time[k])
+        for s, rate in one.rates.items():
+            now = rate(*[own[n] if n in own else columns[n][k] for n in names[s]])
+            own[s] += float(now) * step
             path[s][k + 1] = own[s]
-    return path
+    return {s: np.nan_to_num(values, posinf=0.0, neginf=0.0) for s, values in path.items()}
 
 
 def likely_orders(model: Model, records: Sequence[Record], count: int = 5) -> list[int]:

@@ -176,6 +176,8 @@ def _columns(
     )
     if side.dimension == 0:
         runs = side.simulate(np.empty((1, 0)))
+        if not all(np.all(np.isfinite(run)) for run in runs):
+            return [np.zeros_like(run) for run in runs]
         return [
             run - (stretch.judged - one.residual)[:, :, np.newaxis]
             for run, stretch, one in zip(runs, problem.stretches, near, strict=True)

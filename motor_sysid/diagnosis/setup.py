@@ -20,7 +20,6 @@ from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.scales import Scales, scales_of
-from motor_sysid.signals.noise import lattice
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -239,8 +238,6 @@ def _sensors(records: Sequence[Record], outputs: Sequence[str]) -> tuple[SpeedSe
             speed = record['speed'][1:]
             if np.std(backward - speed) < 0.05 * np.std(np.diff(speed)) + 1e-9 * np.std(speed):
                 return (SpeedSensor.DIFFERENCE,)
-    if all(lattice(record['speed']) is None for record in records):
-        return (SpeedSensor.IDEAL,)
     return (SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE)
 
 

@@ -48,6 +48,9 @@ def describe(
         curvature += flat.T @ flat
         pieces = max(round(BLOCKS * len(one.residual) / total), 1)
         scores += [part.sum(axis=0) for part in np.array_split(flat * error, pieces)]
+    if not np.all(np.isfinite(scores)):
+        nothing = np.full(z.size, np.inf)
+        return Spread(nothing, np.diag(nothing), ('the model cannot be simulated',))
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
