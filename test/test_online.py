@@ -11,6 +11,7 @@ from motor_sysid.estimation.online.filters import StateVariableFilter
 from motor_sysid.estimation.online.regression import Regression
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.rollout import simulate
+from motor_sysid.recording import load
 from motor_sysid.signals.record import Record
 
 KINDS = ('brushed_dc', 'brushed_dc_reduced', 'mechanical_axis')
@@ -341,3 +342,21 @@ def test_covariance_sees_correlated_errors():
         error = found.coefficients - [1.0, 2.0]
         ratios.append(error / np.sqrt(np.diag(found.covariance())))
     assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 2.0
+
+
+# ---- a real machine -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('key', ESTIMATORS)
+def test_emps_comes_out_as_in_the_literature(key, data_dir):
+    (record,) = load(data_dir / 'emps' / 'emps_train.csv.gz', 'emps').records
+    part = record.slice(0, 10_000)
+    axis = Model.base('mechanical_axis', {'J': 60.0, 'b': 100.0, 'omega_eps': 2e-3}, linear=True)
+    axis = axis.with_effect('coulomb_friction').with_effect('constant_load_torque')
+    online = OnlineIdentifier(axis, key, part.dt, ['force'], ['position'])
+    online.update(part.time, part['force'][:, np.newaxis], part['position'][:, np.newaxis])
+    found = online.estimate()
+    assert found['J'].value == pytest.approx(95.1, rel=0.03)
+    assert found['b'].value == pytest.approx(203.5, rel=0.12)
+    assert found['coulomb_friction.tau_c'].value == pytest.approx(20.4, rel=0.12)
+    assert found['constant_load_torque.tau_l'].value == pytest.approx(-3.2, abs=1.6)
