@@ -4,7 +4,14 @@ from bench_motor import CURRENT_OFFSET, measure, MOTOR, records, voltage_profile
 import numpy as np
 import pytest
 
-from motor_sysid.estimation.batch import coloured, fit, make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch import (
+    coloured,
+    fit,
+    fit_multistart,
+    make_chain,
+    observed_outputs,
+    Problem,
+)
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record
@@ -133,3 +140,11 @@ def test_the_start_values_read_from_balances_are_near():
     start = motor('brushed_dc').start(data)
     for name in ('R', 'k_t', 'J'):
         assert start[name] == pytest.approx(MOTOR[name], rel=0.2)
+
+
+def test_a_cloud_of_starts_saves_a_bad_one():
+    data = records(HIDDEN, kinds=('steps', 'triangle'), seconds=3.0)
+    lost = a_start().with_values({'R': 40.0, 'L': 1e-6, 'k_t': 0.4, 'J': 1e-6})
+    result = fit_multistart(a_problem(lost, data))
+    for name in ('R', 'k_t', 'J'):
+        assert result.model[name] == pytest.approx(TRUTH[name], rel=0.02)

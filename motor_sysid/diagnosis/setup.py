@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
     Chain,
-    fit,
+    fit_multistart,
     FitResult,
     make_chain,
+    misfit,
     observed_outputs,
     Problem,
 )
@@ -120,8 +121,8 @@ def base_fit(
             model = Model.base(
                 kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear
             )
-            tried = fit(Problem(model, chains, outputs))
-            if best is None or _likelihood(tried) < _likelihood(best):
+            tried = fit_multistart(Problem(model, chains, outputs))
+            if best is None or misfit(tried) < misfit(best):
                 best = tried
     assert best is not None
     return best
@@ -239,10 +240,3 @@ def _sensors(records: Sequence[Record], outputs: Sequence[str]) -> tuple[SpeedSe
             if np.std(backward - speed) < 0.05 * np.std(np.diff(speed)) + 1e-9 * np.std(speed):
                 return (SpeedSensor.DIFFERENCE,)
     return (SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE)
-
-
-def _likelihood(result: FitResult) -> float:
-    """Log of the product of the error variances: comparable between fits of the same data."""
-    values = [max(v, 1e-300) for v in result.noise.values()]
-    total = float(np.sum(np.log(values)))
-    return total if np.isfinite(total) else np.inf
