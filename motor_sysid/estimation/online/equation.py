@@ -24,6 +24,8 @@ Found = tuple[float, float]
 _SETTLING = 8.0
 _BLOCK = 6.0
 _STEP = 0.5
+_EXACT = 1e-3
+"""What straight lines between samples are good for, relative."""
 
 
 class Equation:
@@ -182,8 +184,9 @@ class Equation:
         scale, spread = drive
         result = {}
         for k, name in enumerate(self.names):
-            sigma = math.hypot(scale * math.sqrt(covariance[k, k]), c[k] * spread)
-            result[name] = (float(c[k] * scale), sigma, float(regression.prior[k] * scale))
+            value = float(c[k] * scale)
+            spreads = (scale * math.sqrt(covariance[k, k]), c[k] * spread, _EXACT * value)
+            result[name] = (value, math.hypot(*spreads), float(regression.prior[k] * scale))
         if self._offset:
             result[self._offset] = self._found_offset(c, covariance, regression.prior)
         return result

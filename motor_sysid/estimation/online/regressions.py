@@ -105,7 +105,7 @@ class Regressions:
         self.used = {name: self._inside(name, value) for name, (value, _) in found.items()}
         table = {**self.model.parameters.values(), **self.used}
         a = self.model.kind.matrices({name: np.array([v]) for name, v in table.items()})[0][0]
-        self._regressors.set_rates(dict(zip(self.model.kind.states, -np.diag(a), strict=True)))
+        self._regressors.set_dynamics(a)
 
     def _drive(self, name: str, found: Found) -> tuple[float, float]:
         """Return value and standard deviation of a drive's parameter."""

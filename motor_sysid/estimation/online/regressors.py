@@ -35,6 +35,7 @@ RAW = 'raw '
 
 _PATIENCE = 3
 _NONE = np.empty(0)
+_SLOW = 1e-2
 
 
 class Regressors:
@@ -69,6 +70,7 @@ class Regressors:
         difference = model.speed_sensor is SpeedSensor.DIFFERENCE
         self._mean_speed = difference or 'omega' not in self._column
         self._title, self._rates = kind.title, dict.fromkeys(self._column, 0.0)
+        self._pull: dict[str, Array] = {}
         self.restart(np.full(len(outputs), np.nan))
 
     def require(self, names: Iterable[str]) -> None:
@@ -89,9 +91,12 @@ class Regressors:
                 'measured; name the topic for it, or use the estimator `ekf`'
             )
 
-    def set_rates(self, rates: Mapping[str, float]) -> None:
-        """Set how fast states decay on their own, in 1/s."""
-        self._rates = {state: max(rates[state], 0.0) for state in self._column}
+    def set_dynamics(self, a: Array) -> None:
+        """Set the system matrix (n, n) of the linear core."""
+        rates = dict(zip(self._states, np.maximum(-np.diag(a), 0.0).tolist(), strict=True))
+        self._rates = {state: rates[state] for state in self._column}
+        pull = a - np.diag(np.diag(a))
+        self._pull = {s: pull[self._states.index(s)] / max(r, 1e-300) for s, r in rates.items()}
 
     def restart(self, y: Array) -> None:
         """Begin at measured outputs."""
@@ -119,7 +124,7 @@ class Regressors:
         inputs = dict(zip(self._inputs, sample.u.tolist(), strict=True))
         first.update(inputs, t=sample.time)
         last.update(inputs, t=sample.time + sample.length)
-        self._bend(first, last, sample.length)
+        self._bend(first, last, sample)
         self._add_motion(first, last, sample.length)
         if self._missing > _PATIENCE:
             return None
@@ -139,13 +144,17 @@ class Regressors:
             found[state], found[RAW + state] = found[state] - more, found[RAW + state] - more
         return found
 
-    def _bend(self, first: Signals, last: Signals, h: float) -> None:
-        """Shift the line of each state so that its mean is that of the exponential."""
+    def _bend(self, first: Signals, last: Signals, sample: Sample) -> None:
+        """Shift the line of each state so that its mean is that of the exponential.
+
+        What the other states pull it along in the sample is straight, the rest is exponential.
+        """
         for state, rate in self._rates.items():
-            a = rate * h
-            if a > 1e-3:
+            a = rate * sample.length
+            if a > _SLOW:
                 share = -1 / math.expm1(-a) - 1 / a - 0.5
-                shift = share * (last[state] - first[state])
+                pulled = float(self._pull[state] @ (sample.after - sample.before))
+                shift = share * (last[state] - first[state] - pulled)
                 for name in (state, RAW + state):
                     first[name] += shift
                     last[name] += shift
