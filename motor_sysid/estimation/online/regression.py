@@ -6,7 +6,7 @@ Information form: with weight ``f`` for a sample that is one sample old,
 
 ``A0`` is the information that never goes: without excitation ``A`` falls back to it and not to
 zero, so the covariance is bounded and stays positive definite.  (Forgetting with regularization:
-Gunnarsson 1996, doi:10.1109/78.553469.)
+Gunnarsson, IEEE Conf. Decision and Control 1996.)
 
 The equation error is strongly correlated, so the textbook variance ``s^2 A^-1`` is far too small.
 The covariance given here is the sandwich ``A^-1 (sum of g g') A^-1`` over blocks longer than the
