@@ -68,8 +68,6 @@ class Scored:
         Whether their signs are physically possible.
     overlap:
         Share of the variant's effect that base parameters could mimic, 0 to 1.
-    direction:
-        (K,) whitened change of the outputs beyond base parameters, of length one.
     """
 
     variant: Variant
@@ -78,7 +76,6 @@ class Scored:
     amplitudes: Mapping[str, float]
     allowed: bool
     overlap: float
-    direction: Array
 
 
 def variants(
@@ -233,7 +230,6 @@ def _score(
         amplitudes,
         allowed,
         1.0 - min(length / whole, 1.0) ** 2 if whole > 0 else 1.0,
-        fitted / length if length > 0 else fitted,
     )
 
 

@@ -5,10 +5,6 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
 from scipy.stats import chi2
 
-from motor_sysid.signals.lattice import Lattice, lattice
-
-__all__ = ['Lattice', 'lattice', 'noise_sigma']
-
 Array = NDArray[np.float64]
 
 _WINDOW = 9
