@@ -7,7 +7,7 @@ import numpy as np
 
 
 @njit(cache=True, error_model='numpy')
-def propagate(p, by_state, by_parameter, kick, wander):  # type: ignore[no-untyped-def]
+def propagate(p, by_state, by_parameter, kick, wander, most, h):  # type: ignore[no-untyped-def]
     """Return F P F' + Q, symmetric.
 
     Parameters
@@ -19,7 +19,11 @@ def propagate(p, by_state, by_parameter, kick, wander):  # type: ignore[no-untyp
     kick:
         (n, m) change of the state by the unexplained forces, one standard deviation each.
     wander:
-        (d - n,) variance by which parameters and offsets wander.
+        (d - n,) variance by which parameters and offsets wander in a second,
+    most:
+        (d - n,) standard deviation beyond which they do not.
+    h:
+        Length of the sample in s.
     """
     d, n, k = p.shape[0], by_state.shape[0], by_parameter.shape[1]
     rows = np.empty((n, d))
@@ -47,7 +51,8 @@ def propagate(p, by_state, by_parameter, kick, wander):  # type: ignore[no-untyp
             out[i, j] = value
             out[j, i] = value
     for i in range(n, d):
-        out[i, i] += wander[i - n]
+        room = 1.0 - p[i, i] / most[i - n] ** 2
+        out[i, i] += wander[i - n] * h * max(room, 0.0)
     return out
 
 

@@ -4,8 +4,9 @@ The equation ``s drive + laws = sum of p term`` is divided by the parameter ``s`
 which another equation gives; what is held goes to the known side.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +78,7 @@ class Equation:
         self._forget = math.exp(-self._every * dt / memory)
         columns = len(balance.terms) + sum(len(law.names) + 1 for law in self._laws)
         self._filter = StateVariableFilter(1 + columns, bandwidth)
+        self._row_of = self._reader((balance.drive, *self._held, *self._free))
         self._slopes = np.array(
             [0, *(1 + k for k, t in enumerate([*self._held, *self._free]) if t.derivative)]
         )[1:]
@@ -125,17 +127,24 @@ class Equation:
 
     def _row(self, end: End) -> Array:
         """Return drive, held and free terms, and of each law the free part, then the held."""
-        terms = (self._balance.drive, *self._held, *self._free)
-        values = [self._term(term, end.measured) for term in terms]
+        values = self._row_of(end.measured)
+        if not self._laws:
+            return np.array(values)
         return np.concatenate([values, *(law.values(end.tracked) for law in self._laws)])
 
-    def _term(self, term: Term, signals: Mapping[str, float]) -> float:
-        value = 1.0
-        for name in term.signals:
-            value *= signals[self._read.get(name, name)]
-        for name in term.factors:
-            value *= self._model[name]
-        return value
+    def _reader(self, terms: Sequence[Term]) -> Callable[[Mapping[str, float]], list[float]]:
+        """Return what reads the values of the terms from the signals."""
+        names = [tuple(self._read.get(name, name) for name in term.signals) for term in terms]
+        factors = [math.prod(self._model[name] for name in term.factors) for term in terms]
+        if all(len(read) == 1 for read in names) and all(f == 1.0 for f in factors):
+            get = itemgetter(*(read[0] for read in names), names[0][0])
+            return lambda signals: list(get(signals)[:-1])
+
+        def read(signals: Mapping[str, float]) -> list[float]:
+            pairs = zip(names, factors, strict=True)
+            return [math.prod((signals[n] for n in given), start=f) for given, f in pairs]
+
+        return read
 
     def _split(self, filtered: Array, drive: float) -> tuple[Array, float]:
         """Return the regressors and the known side, divided by the drive's parameter."""

@@ -75,7 +75,7 @@ class OnlineIdentifier:
         self._held = np.zeros(len(self._columns))
         self._prediction = np.full(len(outputs), np.nan)
         self._residual = np.full(len(outputs), np.nan)
-        self._power = np.zeros((len(outputs), 3))
+        self._power = [[0.0, 0.0, 0.0] for _ in outputs]
         self._keep = math.exp(-self.dt / _ERROR_MEMORY)
 
     def update(self, t: Array, inputs: Array, outputs: Array) -> None:
@@ -93,13 +93,13 @@ class OnlineIdentifier:
         stamps = np.asarray(t, dtype=np.float64)
         u = np.asarray(inputs, dtype=np.float64).reshape(stamps.size, len(self._columns))
         y = np.asarray(outputs, dtype=np.float64).reshape(stamps.size, len(self.outputs))
-        for k in range(stamps.size):
-            self._take(float(stamps[k]), u[k, self._columns], y[k])
+        u, y = u[:, self._columns], np.where(np.isfinite(y), y, np.nan)
+        for k, time in enumerate(stamps.tolist()):
+            self._take(time, u[k], y[k])
 
     def _take(self, time: float, u: Array, y: Array) -> None:
-        y = np.where(np.isfinite(y), y, np.nan)
         h = time - self._last_time
-        if h <= 0 or not np.isfinite(time):
+        if h <= 0 or not math.isfinite(time):
             self.dropped += 1
             return
         if not h <= self._tuning.gap * self.dt:
@@ -113,17 +113,18 @@ class OnlineIdentifier:
             self._residual = y - self._prediction
             self._note(y)
         self._last_time = time
-        self._held = np.where(np.isfinite(u), u, self._held)
+        known = np.isfinite(u)
+        self._held = u if known.all() else np.where(known, u, self._held)
         self.samples += 1
 
     def _note(self, y: Array) -> None:
         """Keep mean squares of the residual and of the signal over the last second or so."""
         keep = self._keep
-        for j, residual in enumerate(self._residual):
+        rows = zip(self._power, self._residual.tolist(), y.tolist(), strict=True)
+        for power, residual, value in rows:
             if residual == residual:  # not NaN
-                power = self._power[j]
                 power[0] = keep * power[0] + (1 - keep) * residual * residual
-                power[1] = keep * power[1] + (1 - keep) * y[j] * y[j]
+                power[1] = keep * power[1] + (1 - keep) * value * value
                 power[2] = keep * power[2] + (1 - keep)
 
     def estimate(self) -> Mapping[str, Estimate]:
@@ -140,13 +141,15 @@ class OnlineIdentifier:
 
     def errors(self) -> Mapping[str, float]:
         """Return the RMS of the residual of each output over the last second, NaN before any."""
-        weight = np.where(self._power[:, 2] > 0, self._power[:, 2], np.nan)
-        return dict(zip(self.outputs, np.sqrt(self._power[:, 0] / weight).tolist(), strict=True))
+        power = np.array(self._power)
+        weight = np.where(power[:, 2] > 0, power[:, 2], np.nan)
+        return dict(zip(self.outputs, np.sqrt(power[:, 0] / weight).tolist(), strict=True))
 
     def errors_percent(self) -> Mapping[str, float]:
         """Return the same over the RMS of the measured signal, in percent."""
-        signal = np.where(self._power[:, 1] > 0, self._power[:, 1], np.nan)
-        ratio = 100 * np.sqrt(self._power[:, 0] / signal)
+        power = np.array(self._power)
+        signal = np.where(power[:, 1] > 0, power[:, 1], np.nan)
+        ratio = 100 * np.sqrt(power[:, 0] / signal)
         return dict(zip(self.outputs, ratio.tolist(), strict=True))
 
     def current_model(self) -> Model:

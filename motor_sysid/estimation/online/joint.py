@@ -147,8 +147,8 @@ class JointFilter:
 
     def _grow(self, u: Array, y: Array) -> None:
         """Widen the priors of amplitudes and offsets as larger inputs and motions are seen."""
-        size = float(np.max(np.abs(u)))
-        if size <= _GROWTH * self._size and not np.any(np.abs(y) > self._limit):
+        size = max(map(abs, u.tolist()))
+        if size <= _GROWTH * self._size and not (np.abs(y) > self._limit).any():
             return
         np.fmax.at(self._seen, self._sensing.state, np.abs(y))
         if max(size, self._size) > 0.0:
@@ -170,18 +170,18 @@ class JointFilter:
         """Set what is measured by the priors and sizes."""
         log, tuning = self._coordinates.log, self._tuning
         self._stride = np.where(log, _STRIDE, _STRIDE * self._prior)
-        self._steps = np.where(log, 1e-4, 1e-3 * self._prior)[: self._p]
+        steps = np.where(log, 1e-4, 1e-3 * self._prior)[: self._p]
+        self._steps = np.concatenate((np.zeros(self._n), steps))
         self._push = tuning.disturbance * self._sizes.force
         self._wander = (tuning.drift * self._prior) ** 2
 
     def _predict(self, time: float, h: float, u: Array) -> None:
         n, p, f = self._n, self._p, self._filter
-        steps = np.concatenate((1e-6 * (self._sizes.state + np.abs(f.x[:n])), self._steps))
-        move = self.motion.advance(f.x[:n], f.x[n : n + p], steps, u, time, h)
+        self._steps[:n] = 1e-6 * (self._sizes.state + np.abs(f.x[:n]))
+        move = self.motion.advance(f.x[:n], f.x[n : n + p], self._steps, u, time, h)
         kick = move.by_force * (self._unrest * self._push * math.sqrt(1e-3 / h))
-        room = 1.0 - f.P.diagonal()[n:] / self._prior**2
-        wander = self._wander * (h * np.maximum(room, 0.0))
-        f.P = propagate(f.P, move.by_state, move.by_parameter, kick, wander)
+        wander = (self._wander, self._prior, h)
+        f.P = propagate(f.P, move.by_state, move.by_parameter, kick, *wander)
         f.x = np.concatenate((move.state, f.x[n:]))
 
     def _correct(self, h: float, y: Array) -> None:
@@ -203,7 +203,7 @@ class JointFilter:
             noise = noise + (ratio - 1.0) * total.diagonal()
         f.update(z, lambda x: rows, lambda x: rows @ x, np.diag(noise))
         f.P = 0.5 * (f.P + f.P.T)
-        np.clip(f.x[self._n :], *self._box, out=f.x[self._n :])
+        f.x[self._n :] = np.minimum(np.maximum(f.x[self._n :], self._box[0]), self._box[1])
 
     @property
     def nis(self) -> float:

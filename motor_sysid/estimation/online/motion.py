@@ -63,7 +63,8 @@ class Motion:
         self._values = np.array([values[name] for name in self._program.names])
         self._rows = np.array([self._program.names.index(n) for n in moved.names], dtype=np.intp)
         self._n, self._p = len(model.kind.states), len(moved.names)
-        self._memory = np.zeros(len(self._program.memory_offsets))
+        self._memory_rows = np.array(self._program.memory_offsets, dtype=np.intp) // LANES
+        self._memory = np.zeros(self._memory_rows.size)
         self._blocks: list[_Block] = []
         self._center, self._length = np.zeros(self._p), 0.0
 
@@ -105,8 +106,9 @@ class Motion:
             lanes = self._run(block, x, steps, drive, memory)
             which = block.which
             ends[:, which, :] = lanes[:, 1 : 1 + 2 * which.size].reshape(n, which.size, 2)
-        rows = self._blocks[0].workspace.buffer.reshape(-1, LANES)
-        self._memory = rows[np.array(self._program.memory_offsets, dtype=np.intp) // LANES, 0]
+        if memory.size:
+            rows = self._blocks[0].workspace.buffer.reshape(-1, LANES)
+            self._memory = rows[self._memory_rows, 0]
         slope = (ends[:, :, 0] - ends[:, :, 1]) / (2 * self._used)
         state = lanes[:, 0] + slope[:, n:] @ away
         by_state, by_parameter = slope[:, :n].copy(), slope[:, n:].copy()
@@ -126,7 +128,8 @@ class Motion:
             table = np.repeat(self._values[:, np.newaxis], LANES, axis=1)
             table[self._rows] = self._moved.values(cloud.T).T
             workspace = self._program.workspace(table, h, delayed=False)
-            self._blocks.append(_Block(which, workspace))
+            states = which[which < n]
+            self._blocks.append(_Block(which, states, 1 + 2 * np.arange(states.size), workspace))
 
     def _run(
         self, block: '_Block', x: Array, steps: Array, drive: Drive, memory: Array
@@ -134,21 +137,24 @@ class Motion:
         """Simulate the base and the differences of one block; returns (n, W) states."""
         n = self._n
         lanes = np.repeat(x[:, np.newaxis], LANES, axis=1)
-        for k in range(np.count_nonzero(block.which < n)):
-            state = block.which[k]
-            lanes[state, 1 + 2 * k] += steps[state]
-            lanes[state, 2 + 2 * k] -= steps[state]
+        k, state = block.moved, block.states
+        lanes[state, k] += steps[state]
+        lanes[state, k + 1] -= steps[state]
         self._used[:n] = steps[:n]
-        rows = block.workspace.buffer.reshape(-1, LANES)
-        for offset, value in zip(self._program.memory_offsets, memory, strict=True):
-            rows[offset // LANES] = value
+        if memory.size:
+            block.workspace.buffer.reshape(-1, LANES)[self._memory_rows] = memory[:, np.newaxis]
         self._program.advance(block.workspace, lanes, drive, 1, _NO_OUTPUTS)
         return lanes
 
 
 @dataclass(frozen=True)
 class _Block:
-    """32 simulations: the directions (states, then parameters) of its differences, and memory."""
+    """32 simulations: the directions (states, then parameters) of its differences, and memory.
+
+    The states among the directions are moved up in the columns `moved`, down in the next ones.
+    """
 
     which: NDArray[np.intp]
+    states: NDArray[np.intp]
+    moved: NDArray[np.intp]
     workspace: Workspace
