@@ -88,8 +88,13 @@ def test_reduction_is_the_step_response_without_inductance() -> None:
     for _ in range(round(plant.time_constant / 1e-3)):
         stepper.step(1.0)
     assert stepper.outputs['speed'] == pytest.approx(plant.gain * (1 - math.exp(-1)), rel=0.02)
-    with pytest.raises(UserError, match='mechanical_axis'):
-        reduce_to_speed(Model.base('mechanical_axis'))
+
+
+def test_reduction_of_motors_without_current() -> None:
+    axis = reduce_to_speed(Model.base('mechanical_axis', {'J': 4.0, 'b': 0.5, 'gain': 3.0}))
+    assert (axis.gain, axis.time_constant) == pytest.approx((6.0, 8.0))
+    motor = reduce_to_speed(Model.base('brushed_dc_reduced', {'k_v': 0.05, 'k_a': 1e-3}))
+    assert (motor.gain, motor.time_constant) == pytest.approx((20.0, 0.02))
 
 
 @pytest.mark.parametrize('name', PROFILES)

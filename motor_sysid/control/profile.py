@@ -1,14 +1,93 @@
-"""Speed references that excite what a diagnosis needs: levels, reversals, slow motion, sweeps."""
+"""What a motor is made to do over time: parts in a row, each with a simple shape.
+
+There is one kind of profile: what the controller, the simulator, `motor-sysid suggest` and the
+node `excitation` know is a `Profile`, whether its parts are built in, designed or read from a file
+(`motor_sysid.control.profile_file`).
+"""
 
 from bisect import bisect_right
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
 import math
+from typing import ClassVar, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 
-Shape = Callable[[float], float]
-"""Time since the start of a part as a share of it (0 to 1) to a share of the top speed."""
+Array = NDArray[np.float64]
+
+SPEED = 'speed_reference'
+"""Signal of a profile that a speed controller follows; any other drives the motor itself."""
+
+
+class Shape(Protocol):
+    """A curve: share of a part's time (0 to 1) to a share of the profile's level."""
+
+    key: ClassVar[str]
+
+    def __call__(self, x: float) -> float:
+        """Return the value at a share of the time."""
+
+
+@dataclass(frozen=True)
+class Hold:
+    """A constant level."""
+
+    key: ClassVar[str] = 'hold'
+    level: float
+
+    def __call__(self, x: float) -> float:
+        """Return the level."""
+        return self.level
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A straight line."""
+
+    key: ClassVar[str] = 'ramp'
+    start: float
+    stop: float
+
+    def __call__(self, x: float) -> float:
+        """Return the value on the line."""
+        return self.start + (self.stop - self.start) * x
+
+
+@dataclass(frozen=True)
+class Triangle:
+    """A line up to the level, down to its negative, and back to zero."""
+
+    key: ClassVar[str] = 'triangle'
+    level: float
+
+    def __call__(self, x: float) -> float:
+        """Return the value on the three lines."""
+        return self.level * (2 / math.pi) * math.asin(math.sin(2 * math.pi * x))
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A sine that goes from `first` to `last` turns per part, growing evenly."""
+
+    key: ClassVar[str] = 'sweep'
+    level: float
+    first: float
+    last: float
+
+    def __call__(self, x: float) -> float:
+        """Return the value of the sine."""
+        turns = x * (self.first + 0.5 * (self.last - self.first) * x)
+        return self.level * math.sin(2 * math.pi * turns)
+
+
+SHAPES: dict[str, type[Hold] | type[Ramp] | type[Triangle] | type[Sweep]] = {
+    shape.key: shape for shape in (Hold, Ramp, Triangle, Sweep)
+}
+"""Every shape by the name that it has in files."""
 
 
 @dataclass(frozen=True)
@@ -16,38 +95,21 @@ class Part:
     """One part of a profile: its share of the duration and its shape."""
 
     share: float
-    shape: Shape
+    shape: Hold | Ramp | Triangle | Sweep
 
 
-def hold(level: float) -> Shape:
-    """Return a constant level."""
-    return lambda x: level
+def holds(share: float, levels: Iterable[float]) -> tuple[Part, ...]:
+    """Return constant levels that last equally long."""
+    return tuple(Part(share, Hold(level)) for level in levels)
 
 
-def ramp(start: float, stop: float) -> Shape:
-    """Return a straight line."""
-    return lambda x: start + (stop - start) * x
-
-
-def triangle(level: float) -> Shape:
-    """Return a line up to the level, down to its negative, and back to zero."""
-    return lambda x: level * (2 / math.pi) * math.asin(math.sin(2 * math.pi * x))
-
-
-def sweep(level: float, first: float, last: float) -> Shape:
-    """Return a sine that goes from `first` to `last` turns per part, growing evenly."""
-    return lambda x: level * math.sin(2 * math.pi * x * (first + 0.5 * (last - first) * x))
-
-
-REST = Part(0.5, hold(0.0))
-STEPS = tuple(
-    Part(0.6, hold(level)) for level in (0.4, -0.4, 0.8, -0.2, 0.6, -0.9, 0.15, -0.6, 1.0, -0.1)
-)
-RAMPS = (Part(3.0, triangle(1.0)), Part(3.0, triangle(0.35)))
-CRAWL = (Part(2.0, triangle(0.08)), Part(0.7, hold(0.05)), Part(0.7, hold(-0.05)))
-SWEEP = (Part(3.0, sweep(0.5, 1.0, 14.0)),)
-BACK = tuple(Part(0.6, hold(level)) for level in (0.5, -0.3, 0.2, -0.4))
-LAST = (*BACK, Part(1.5, triangle(0.3)), Part(1.0, triangle(0.1)))
+REST = Part(0.5, Hold(0.0))
+STEPS = holds(0.6, (0.4, -0.4, 0.8, -0.2, 0.6, -0.9, 0.15, -0.6, 1.0, -0.1))
+RAMPS = (Part(3.0, Triangle(1.0)), Part(3.0, Triangle(0.35)))
+CRAWL = (Part(2.0, Triangle(0.08)), *holds(0.7, (0.05, -0.05)))
+SWEEP = (Part(3.0, Sweep(0.5, 1.0, 14.0)),)
+BACK = holds(0.6, (0.5, -0.3, 0.2, -0.4))
+LAST = (*BACK, Part(1.5, Triangle(0.3)), Part(1.0, Triangle(0.1)))
 """A smaller mixture: the part that is held back to validate."""
 
 PROFILES: dict[str, tuple[Part, ...]] = {
@@ -57,43 +119,71 @@ PROFILES: dict[str, tuple[Part, ...]] = {
     'ramps': (REST, *RAMPS, *CRAWL, REST),
     'sweep': (REST, *SWEEP, REST),
 }
-"""Every profile by name; shares are relative."""
+"""Every built-in profile by name; shares are relative."""
 
 
+@dataclass(frozen=True)
 class Profile:
-    """A speed reference over time; zero before its start and after its end.
+    """A signal over time; zero before its start and after its end.
 
-    Parameters
+    Attributes
     ----------
     name:
-        One of `PROFILES`.
-    top_speed:
-        Largest speed, rad/s.
+        One of `PROFILES`, or any name where parts are given.
+    level:
+        What a shape's 1 means, in `unit`: the largest speed or voltage.
     duration:
         Of the whole profile, s.
+    parts:
+        Its parts; by default those of `PROFILES`.
+    signal, unit:
+        What is to follow it: ``speed_reference`` for a speed controller, or the input of the motor
+        (``voltage``, ``torque``, ``force``, ``current``).
 
     Raises
     ------
     UserError
-        If there is no such profile, or the duration is not positive.
+        If there is no such profile, or the level or the duration makes no sense.
     """
 
-    def __init__(self, name: str, top_speed: float, duration: float) -> None:
-        if name not in PROFILES:
-            raise UserError(f'no profile `{name}`; there are {", ".join(PROFILES)}')
-        if duration <= 0:
-            raise UserError(f'profile duration {duration:g} s must be positive')
-        self.duration, self._top = duration, top_speed
-        self._parts: Sequence[Part] = PROFILES[name]
-        whole = sum(part.share for part in self._parts)
-        self._starts = [0.0]
-        for part in self._parts:
-            self._starts.append(self._starts[-1] + part.share / whole * duration)
+    name: str
+    level: float
+    duration: float
+    parts: tuple[Part, ...] = field(default=(), repr=False)
+    signal: str = SPEED
+    unit: str = 'rad/s'
+
+    def __post_init__(self) -> None:
+        """Look the parts up and refuse what cannot be run."""
+        if not self.parts:
+            if self.name not in PROFILES:
+                raise UserError(f'no profile `{self.name}`; there are {", ".join(PROFILES)}')
+            object.__setattr__(self, 'parts', PROFILES[self.name])
+        if not (math.isfinite(self.duration) and self.duration > 0):
+            raise UserError(f'profile duration {self.duration:g} s must be positive')
+        if not math.isfinite(self.level):
+            raise UserError(f'profile level {self.level:g} {self.unit} must be finite')
+        if not all(math.isfinite(p.share) and p.share > 0 for p in self.parts):
+            raise UserError('every part of a profile must last longer than 0 s')
+
+    @cached_property
+    def edges(self) -> tuple[float, ...]:
+        """Start of every part, then the end, s."""
+        whole = sum(part.share for part in self.parts)
+        starts = [0.0]
+        for part in self.parts:
+            starts.append(starts[-1] + part.share / whole * self.duration)
+        return tuple(starts)
 
     def __call__(self, t: float) -> float:
-        """Return the reference in rad/s at `t` s after the start."""
+        """Return the value in `unit` at `t` s after the start."""
         if not 0 <= t < self.duration:
             return 0.0
-        k = min(bisect_right(self._starts, t), len(self._parts)) - 1
-        start, stop = self._starts[k], self._starts[k + 1]
-        return self._top * self._parts[k].shape((t - start) / (stop - start))
+        k = min(bisect_right(self.edges, t), len(self.parts)) - 1
+        start, stop = self.edges[k], self.edges[k + 1]
+        return self.level * self.parts[k].shape((t - start) / (stop - start))
+
+    def sampled(self, dt: float) -> Array:
+        """Return (N,) values at 0, dt, 2 dt, ... up to the end of the profile."""
+        count = max(math.ceil(self.duration / dt - 1e-9), 2)
+        return np.array([self(k * dt) for k in range(count)])

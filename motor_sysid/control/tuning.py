@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from motor_sysid.control.pid import PidGains
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
@@ -9,34 +11,48 @@ from motor_sysid.physics.model import Model
 
 @dataclass(frozen=True)
 class SpeedPlant:
-    """First-order reduction of a motor from voltage to speed: gain / (1 + time_constant s).
+    """First-order reduction of a motor from its input to speed: gain / (1 + time_constant s).
 
     Attributes
     ----------
     gain:
-        Speed per volt at rest, rad/s/V.
+        Speed per unit of input at rest, e.g. rad/s/V.
     time_constant:
-        Mechanical time constant with the armature short-circuited, s.
+        Mechanical time constant with the electrical states settled, s.
+    neglected:
+        Slowest time constant of the electrical states, s.
     """
 
     gain: float
     time_constant: float
+    neglected: float = 0.0
 
 
 def reduce_to_speed(model: Model) -> SpeedPlant:
-    """Return the first-order reduction of a `brushed_dc` model, its inductance neglected.
+    """Return the first-order reduction of a motor, its electrical transients neglected.
+
+    The linear core ``dx/dt = A x + B u`` is reduced to the speed alone by settling every other
+    state but the position: ``a = A_ww - A_we A_ee^-1 A_ew``, and the same for the input.
 
     Raises
     ------
     UserError
-        If the model is of another kind.
+        If the motor has more than one input.
     """
-    if model.motor != 'brushed_dc':
-        raise UserError(f'tuning needs a brushed_dc model; this one is {model.motor}')
-    r, k_t = model['R'], model['k_t']
-    k_e = model['emf_ratio'] * k_t
-    damping = r * model['b'] + k_t * k_e
-    return SpeedPlant(k_t / damping, r * model['J'] / damping)
+    kind = model.kind
+    values = {name: np.array([value]) for name, value in model.parameters.values().items()}
+    a, b = (part[0] for part in kind.matrices(values)[:2])
+    if b.shape[1] != 1:
+        raise UserError(f'tuning needs a motor with one input; a {kind.title} has {b.shape[1]}')
+    speed = kind.states.index('omega')
+    fast = [j for j, name in enumerate(kind.states) if name not in ('omega', 'theta')]
+    inner = a[np.ix_(fast, fast)]
+    settled = np.linalg.solve(inner, np.column_stack([a[fast, speed], b[fast, 0]]))
+    damping, drive = np.array([a[speed, speed], b[speed, 0]]) - a[speed, fast] @ settled
+    slowest = max(-float(damping), 1e-9)
+    rates = np.abs(np.linalg.eigvals(inner).real)
+    neglected = 1.0 / float(np.min(rates)) if rates.size else 0.0
+    return SpeedPlant(float(drive) / slowest, 1.0 / slowest, neglected)
 
 
 def speed_pi(model: Model, closed_loop_time: float, limit: float) -> PidGains:
@@ -50,7 +66,7 @@ def speed_pi(model: Model, closed_loop_time: float, limit: float) -> PidGains:
     closed_loop_time:
         Wanted time constant in s; at least a few samples and the electrical time constant.
     limit:
-        Largest voltage.
+        Largest input, V for a motor with voltage.
     """
     if closed_loop_time <= 0:
         raise UserError(f'closed-loop time constant {closed_loop_time:g} s must be positive')
