@@ -3,7 +3,10 @@
 An effect file defines ``CARD`` and at least one law.  A law is a function of one sample; its
 argument names say what it needs, and nothing else has to be declared:
 
-* states and inputs of the motor: ``i, omega, theta, u, t`` (and ``i_d, i_q, u_d, u_q, ...``),
+* states and inputs of the motor: ``i, omega, theta, u, t`` (and ``i_d, i_q, u_d, u_q, ...``);
+  ``t`` is the time since the start of the record,
+* the rate of change of the equation that the law is added to: ``domega`` for a torque, ``di`` for
+  a voltage; the law must be proportional to it,
 * parameters of the motor: ``R, L, k_t, J, b, ...``, and the widths ``omega_eps, i_eps``,
 * the effect's own parameters and own states.
 
@@ -23,9 +26,10 @@ from motor_sysid.errors import UserError
 
 ARGUMENTS = (
     'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
-    'u_b', 'u_c',
+    'u_b', 'u_c', 'di', 'domega',
 )  # fmt: skip
-"""Every state and input that a law may ask for, in the order of the kernel's rows."""
+"""Every state, input and rate of change that a law may ask for, in the order of the kernel's
+rows."""
 
 FORCES = ('torque', 'voltage', 'voltage_d', 'voltage_q', 'voltage_a', 'voltage_b', 'voltage_c')
 """Every equation that a law may be added to: these are the names of the law functions."""
@@ -54,12 +58,16 @@ class Scale(Enum):
     SPEED = 'speed'
     CURRENT = 'current'
     PER_CURRENT = '1 / current'
+    ANGLE = 'speed * sample time'
     VOLTAGE = 'voltage'
     PER_VOLTAGE = '1 / voltage'
     SAG = '1 / (voltage current)'
     SAMPLE = 'sample time'
     RATE = 'samples per second'
     DURATION = 'duration'
+    DRIFT = 'torque / duration'
+    VISCOUS_DRIFT = 'torque / (speed duration)'
+    ROOT_SPEED = 'torque / speed^0.5'
     HEATING = 'duration / loss energy'
 
 
@@ -134,7 +142,9 @@ class Card:
     axis:
         What its evidence is plotted against: speed, position, current or time.
     states:
-        Names of its own states, zero at the start of a record.
+        Names of its own states, zero at the start of a record unless `begins` says otherwise.
+    begins:
+        Own state to the state of the motor whose value it has at the start of a record.
     delay:
         Name of the parameter that delays the input, if the effect is one.
     generalises:
@@ -147,6 +157,13 @@ class Card:
         one plus its first amplitude when it is added.
     orders:
         Name of the shape that counts waves per turn, if the data are to be searched for it.
+    carrier:
+        State that multiplies the waves per turn.
+    moment, frequency:
+        Name of the shape that is a time (s) or a frequency (Hz), if the data are to be searched
+        for it.
+    covers:
+        Motor parameter that does the same; where a fit may change that, nothing is missing.
     """
 
     title: str
@@ -158,11 +175,16 @@ class Card:
     shapes: tuple[Shape, ...] = ()
     axis: str = 'speed'
     states: tuple[str, ...] = ()
+    begins: Mapping[str, str] = field(default_factory=dict)
     delay: str = ''
     generalises: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
     rotary: bool = False
     shrinks: tuple[str, ...] = ()
     orders: str = ''
+    carrier: str = ''
+    moment: str = ''
+    frequency: str = ''
+    covers: str = ''
 
     @property
     def parameters(self) -> tuple[Amplitude | Shape, ...]:

@@ -23,6 +23,7 @@ from numba import njit
 import numpy as np
 
 from motor_sysid.physics.native import call_lane, LANES
+from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 
 TRIALS = 60
 """Most evaluations that the implicit step may take; it needs three or four."""
@@ -40,7 +41,8 @@ def run_block(  # type: ignore[no-untyped-def]
     inputs, late, position, buffer, base, x,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_address, lane_own, lane_state, stiff_count, stiff_force,
-    rate_address, rate_own, rate_state, memory_offset, memory_rate,
+    rate_address, rate_own, rate_state, memory_offset, memory_rate, memory_fades,
+    linear, slope_address, slope_own, slope_state, slope_force, slope_rows,
     sensor_address, sensor_own, sensor_state,
     output_state, output_rate, output_bias, output_sensor, outputs,
 ):  # fmt: skip
@@ -66,13 +68,21 @@ def run_block(  # type: ignore[no-untyped-def]
         Flat work memory and its address; rows are described in `motor_sysid.physics.lanes`.
     x:
         (n, W) core state, advanced in place.
+    memory_fades:
+        For each own state whether its rate depends on itself.
+    linear, slope_address, ...:
+        The linear motor, and laws that read the rate of change of their own equation; see
+        `motor_sysid.physics.own_states.add_rate_laws`.
     outputs:
         (N - first, n_y, W) model outputs at the sample times.
     """
     pieces, n, m, n_u = step.shape[0], step.shape[1], phi1_force.shape[2], inputs.shape[1]
     count = inputs.shape[0]
-    n_lanes = lane_address.shape[0]
+    n_lanes, n_slopes = lane_address.shape[0], slope_address.shape[0]
     n_memory = memory_offset.shape[0]
+    rate_calls = (rate_address, rate_own, rate_state)
+    slope_calls = (slope_address, slope_own, slope_state)
+    work = np.empty((2, LANES))
     predicted = np.empty((n, LANES))
     before = np.zeros((m, LANES))
     stiff = np.zeros((m, LANES))
@@ -82,7 +92,7 @@ def run_block(  # type: ignore[no-untyped-def]
     late_share, weights = np.zeros((m, LANES)), np.zeros((m, LANES))
     previous = x.copy()
     old_memory = np.empty((n_memory + 1, LANES))
-    old_rate = np.empty((n_memory + 1, LANES))
+    old_rate, next_memory = np.empty((n_memory + 1, LANES)), np.empty((n_memory + 1, LANES))
     u = np.empty((n_u, LANES))
     now, h = np.empty(LANES), np.empty(LANES)
     here, there = np.zeros(LANES), np.zeros(LANES)
@@ -152,17 +162,21 @@ def run_block(  # type: ignore[no-untyped-def]
                     begun_force[j, k] = buffer[row + k]
             for i in range(stiff_count, n_lanes):
                 call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+            if n_slopes > 0:
+                add_rate_laws(
+                    buffer, base, x, u, linear, slope_calls, slope_force, slope_rows,
+                    force_rows, own_state, work,
+                )  # fmt: skip
             for j in range(m):
                 row = force_rows[j] * LANES
                 for k in range(LANES):
                     before[j, k] = buffer[row + k]
-            evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
-            for s in range(n_memory):
-                offset = memory_offset[s]
-                for k in range(LANES):
-                    old_memory[s, k] = buffer[offset + k]
-                    old_rate[s, k] = buffer[memory_rate[s] + k]
-                    buffer[offset + k] += h[k] * old_rate[s, k]
+            if n_memory > 0:
+                evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
+                predict_own(
+                    buffer, base, rate_calls, memory_fades, memory_offset, memory_rate, h,
+                    old_memory, old_rate, next_memory, work,
+                )  # fmt: skip
 
             # predictor
             for j in range(n):
@@ -174,13 +188,13 @@ def run_block(  # type: ignore[no-untyped-def]
                 for i in range(n_u):
                     for k in range(LANES):
                         predicted[j, k] += phi1_input[piece, j, i, k] * u[i, k]
-                if n_lanes > 0:
+                if n_lanes + n_slopes > 0:
                     for i in range(m):
                         for k in range(LANES):
                             predicted[j, k] += phi1_force[piece, j, i, k] * before[i, k]
             for k in range(LANES):
                 now[k] += h[k]
-            if n_lanes == 0 and n_memory == 0:
+            if n_lanes + n_slopes == 0 and n_memory == 0:
                 for j in range(n):
                     for k in range(LANES):
                         x[j, k] = predicted[j, k]
@@ -214,19 +228,24 @@ def run_block(  # type: ignore[no-untyped-def]
                 for s in range(n_memory):
                     offset = memory_offset[s]
                     for k in range(LANES):
-                        buffer[offset + k] = old_memory[s, k] + h[k] * old_rate[s, k]
+                        buffer[offset + k] = next_memory[s, k]
 
             # stage 1: every law at the predicted state
             load_state(buffer, predicted, state_rows, position_row, follows, there)
+            if n_memory > 0:
+                evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
+                correct_own(
+                    buffer, base, rate_calls, memory_fades, memory_offset, memory_rate, h,
+                    old_memory, old_rate, work,
+                )  # fmt: skip
             clear(buffer, force_rows)
             for i in range(n_lanes):
                 call_lane(lane_address[i], base, lane_own[i], lane_state[i])
-            evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
-            for s in range(n_memory):
-                offset = memory_offset[s]
-                for k in range(LANES):
-                    rate = buffer[memory_rate[s] + k]
-                    buffer[offset + k] = old_memory[s, k] + 0.5 * h[k] * (old_rate[s, k] + rate)
+            if n_slopes > 0:
+                add_rate_laws(
+                    buffer, base, predicted, u, linear, slope_calls, slope_force, slope_rows,
+                    force_rows, own_state, work,
+                )  # fmt: skip
 
             # corrector: stiff laws at the end of the step, found by a bracketed regula falsi
             for j in range(m):

@@ -59,6 +59,8 @@ class Lane:
         Name of the equation, or of the own state whose rate it gives.
     arguments:
         Names that it reads.
+    own_state:
+        Whether the target is an own state.
     keep:
         The compiled object, which must outlive the address.
     """
@@ -66,6 +68,7 @@ class Lane:
     address: int
     target: str
     arguments: frozenset[str]
+    own_state: bool
     keep: object
 
 
@@ -131,7 +134,7 @@ def _lane(
     )
     module = _generated_module(f'{effect.key}_{name}', text)
     lane = module.lane
-    return Lane(int(lane.address), name, frozenset(names), lane)
+    return Lane(int(lane.address), name, frozenset(names), name in effect.card.states, lane)
 
 
 def _read(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.physics.calls import Calls, integers
 from motor_sysid.physics.drive import Drive
-from motor_sysid.physics.effect import ARGUMENTS, Effect, SENSORS
+from motor_sysid.physics.effect import ARGUMENTS, Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.exponential import substep_matrices
 from motor_sysid.physics.kernel import run_block
 from motor_sysid.physics.lanes import (
     compile_effect,
     FIRST_PARAMETER_ROW,
-    Lane,
     LANES,
     ROW_OF_ARGUMENT,
     ROW_OF_FORCE,
@@ -72,17 +72,14 @@ class Program:
         return cls(model.kind, [effect(k) for k in model.effects], outputs, model.speed_sensor)
 
     def _lay_out(self) -> None:
-        """Give every parameter and own state its row, and sort the laws, stiff ones first."""
+        """Give every parameter and own state its row, and sort the laws."""
         motor_names = tuple(p.name for p in self.kind.parameters)
-        force_index = {force.name: j for j, force in enumerate(self.kind.forces)}
-        own_argument = {force.name: force.own_state for force in self.kind.forces}
         row = FIRST_PARAMETER_ROW + len(motor_names)
         rows = list(range(FIRST_PARAMETER_ROW, row))
-        laws: list[tuple[bool, int, Lane, int, int]] = []
-        rates: list[tuple[Lane, int, int]] = []
-        sensors: list[tuple[Lane, int, int]] = []
+        calls = Calls(self.kind)
         self.memory_offsets: list[int] = []
         self._memory_rate: list[int] = []
+        self._begins: list[tuple[int, int]] = []
         for one in self.effects:
             own = row * LANES
             rows += range(row, row + len(one.card.parameters))
@@ -91,24 +88,18 @@ class Program:
             row += 2 * count
             self.memory_offsets += [state + s * LANES for s in range(count)]
             self._memory_rate += [state + (count + s) * LANES for s in range(count)]
+            self._begins += [
+                (state + one.card.states.index(mine) * LANES, self.kind.states.index(core))
+                for mine, core in one.card.begins.items()
+            ]
             for lane in compile_effect(one, motor_names):
-                if lane.target in one.card.states:
-                    rates.append((lane, own, state))
-                elif lane.target in SENSORS:
-                    sensors.append((lane, own, state))
-                elif lane.target in force_index:
-                    stiff = own_argument[lane.target] in lane.arguments
-                    laws.append((not stiff, force_index[lane.target], lane, own, state))
-        laws.sort(key=lambda law: law[0])
-        self._keep = [law[2] for law in laws] + [call[0] for call in (*rates, *sensors)]
-        self._rows, self._parameter_rows = row + 1, _integers(rows)
+                calls.add(lane, own, state)
+        self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
         self._delay_names = [self.names.index(name) for name in delays]
-        self._stiff_count = sum(not law[0] for law in laws)
-        self._stiff_force = _integers([law[1] for law in laws])
-        self._laws = _call_table([law[2:] for law in laws])
-        self._rates = _call_table(rates)
-        self._sensors = _call_table(sensors)
+        self._calls = (*calls.laws, calls.stiff_count, calls.stiff_force, *calls.rates)
+        self._fades = np.array(calls.fades, dtype=np.bool_)
+        self._slopes, self._sensors = calls.slopes, calls.sensors
 
     def _aim_outputs(self) -> None:
         known = {output.signal: output for output in self.kind.outputs}
@@ -126,13 +117,18 @@ class Program:
                 FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
             )
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
-        self._outputs = tuple(_integers(v) for v in (states, differenced, bias, sensor))
-        self._memory = (_integers(self.memory_offsets), _integers(self._memory_rate))
+        self._outputs = tuple(integers(v) for v in (states, differenced, bias, sensor))
+        self._memory = (
+            integers(self.memory_offsets), integers(self._memory_rate), self._fades
+        )  # fmt: skip
+        self._slope_rows = integers(
+            [ROW_OF_ARGUMENT.get(f'd{f.own_state}', 0) for f in self.kind.forces]
+        )
         self._kind_rows = (
-            _integers([ROW_OF_ARGUMENT[s] for s in self.kind.states]),
-            _integers([ROW_OF_ARGUMENT[s] for s in self.kind.arguments]),
-            _integers([ROW_OF_FORCE[f.name] for f in self.kind.forces]),
-            _integers([self.kind.states.index(f.own_state) for f in self.kind.forces]),
+            integers([ROW_OF_ARGUMENT[s] for s in self.kind.states]),
+            integers([ROW_OF_ARGUMENT[s] for s in self.kind.arguments]),
+            integers([ROW_OF_FORCE[f.name] for f in self.kind.forces]),
+            integers([self.kind.states.index(f.own_state) for f in self.kind.forces]),
         )
 
     def run(
@@ -207,11 +203,13 @@ class Program:
     ) -> list[Array]:
         used = table.shape[1]
         workspace = self.workspace(table, drives[0].dt, substeps)
-        results = []
+        results: list[Array] = []
         for drive, start in zip(drives, states, strict=True):
             x = np.empty((len(self.kind.states), LANES))
             x[:, :used] = start.T
             x[:, used:] = start.T[:, :1]
+            if not results:
+                self.begin(workspace, x)
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
             self.advance(workspace, x, drive, substeps, outputs)
             results.append(outputs[:, :, :used])
@@ -236,12 +234,19 @@ class Program:
         with np.errstate(all='ignore'):
             linear = self.kind.matrices(dict(zip(self.names, full, strict=True)))
             matrices = [substep_matrices(*linear, w) for w in width]
+        a, b, g = (part if self._slopes[0].size else part[:0] for part in linear)
+        core = (_lane_last(a), _lane_last(b), _lane_last(g))
         if len(matrices) == 1:
             e, input_part, force_part, force_slope = (part[np.newaxis] for part in matrices[0])
         else:
             parts = [np.stack(same) for same in zip(*matrices, strict=True)]
             e, input_part, force_part, force_slope = parts
-        return Workspace((e, input_part, force_part, force_slope), width, late, buffer)
+        return Workspace((e, input_part, force_part, force_slope), width, late, buffer, core)
+
+    def begin(self, workspace: 'Workspace', x: Array) -> None:
+        """Give own states that follow a state of the motor its value in `x` (n, 32)."""
+        for offset, core in self._begins:
+            workspace.buffer[offset : offset + LANES] = x[core]
 
     def _delays(self, full: Array, dt: float) -> tuple[NDArray[np.int64], Array]:
         """Return whole samples of delay (W,) and the lengths (2, W) of the parts of a sample."""
@@ -277,11 +282,11 @@ class Program:
             x,
             *self._kind_rows,
             ARGUMENTS.index('t'),
-            *self._laws,
-            self._stiff_count,
-            self._stiff_force,
-            *self._rates,
+            *self._calls,
             *self._memory,
+            workspace.linear,
+            *self._slopes,
+            self._slope_rows,
             *self._sensors,
             *self._outputs,
             outputs,
@@ -292,13 +297,15 @@ class Program:
 class Workspace:
     """Matrices and lengths of the substeps, whole samples of input delay, and flat memory.
 
-    See `motor_sysid.physics.kernel.run_block` for shapes.
+    `linear` is A, B, G of the motor with the lane last, or empty where no law needs them.  See
+    `motor_sysid.physics.kernel.run_block` for shapes.
     """
 
     matrices: tuple[Array, Array, Array, Array]
     width: Array
     late: NDArray[np.int64]
     buffer: Array
+    linear: tuple[Array, Array, Array]
 
 
 @dataclass(frozen=True)
@@ -347,16 +354,5 @@ def simulate(
     return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})
 
 
-def _call_table(
-    calls: Sequence[tuple[Lane, int, int]],
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return addresses, offsets of own parameters, and offsets of own states."""
-    return (
-        _integers([lane.address for lane, _, _ in calls]),
-        _integers([own for _, own, _ in calls]),
-        _integers([state for _, _, state in calls]),
-    )
-
-
-def _integers(values: Sequence[int]) -> NDArray[np.int64]:
-    return np.array(values, dtype=np.int64)
+def _lane_last(matrix: Array) -> Array:
+    return np.ascontiguousarray(np.moveaxis(matrix, 0, 2))

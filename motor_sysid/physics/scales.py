@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 
 import numpy as np
 
@@ -32,12 +33,16 @@ class Scales:
             Scale.SPEED: self.speed,
             Scale.CURRENT: self.current,
             Scale.PER_CURRENT: 1.0 / self.current,
+            Scale.ANGLE: self.speed * self.sample,
             Scale.VOLTAGE: self.voltage,
             Scale.PER_VOLTAGE: 1.0 / self.voltage,
             Scale.SAG: 1.0 / (self.voltage * self.current),
             Scale.SAMPLE: self.sample,
             Scale.RATE: 1.0 / self.sample,
             Scale.DURATION: self.duration,
+            Scale.DRIFT: self.torque / self.duration,
+            Scale.VISCOUS_DRIFT: self.torque / (self.speed * self.duration),
+            Scale.ROOT_SPEED: self.torque / math.sqrt(self.speed),
             Scale.HEATING: 1.0 / (self.loss * self.duration),
         }[scale]
 

@@ -40,6 +40,7 @@ class Stepper:
         self._history = np.zeros((depth, len(self.model.kind.arguments)))
         start = [state.get(name, 0.0) for name in self.model.kind.states]
         self._x = np.repeat(np.array(start)[:, np.newaxis], LANES, axis=1)
+        self._program.begin(self._workspace, self._x)
         self._count = 0
 
     def step(self, u: float | Sequence[float]) -> None:

@@ -137,7 +137,8 @@ class Motor:
 
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""
-        return {*self.states, *self.arguments, *(p.name for p in self.parameters), 't'}
+        rates = {f'd{force.own_state}' for force in self.forces}
+        return {*self.states, *self.arguments, *(p.name for p in self.parameters), 't', *rates}
 
 
 def stack(rows: Sequence[Sequence[Array]]) -> Array:

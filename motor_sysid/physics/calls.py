@@ -1,0 +1,104 @@
+"""The compiled laws of a model, sorted by what the kernel does with them."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.physics.lanes import Lane
+from motor_sysid.physics.motors.base import Motor
+
+Integers = NDArray[np.int64]
+Table = tuple[Integers, Integers, Integers]
+
+
+class Calls:
+    """The compiled laws of a model, sorted by what the kernel does with them.
+
+    Parameters
+    ----------
+    kind:
+        The motor kind, which says what equations there are.
+
+    Attributes
+    ----------
+    fades:
+        For each own state whether its rate depends on itself.
+    """
+
+    def __init__(self, kind: Motor) -> None:
+        self._equation = {force.name: j for j, force in enumerate(kind.forces)}
+        self._own_state = {force.name: force.own_state for force in kind.forces}
+        self._stiff: list[tuple[int, Lane, int, int]] = []
+        self._plain: list[tuple[int, Lane, int, int]] = []
+        self._slopes: list[tuple[int, Lane, int, int]] = []
+        self._rates: list[tuple[Lane, int, int]] = []
+        self._sensors: list[tuple[Lane, int, int]] = []
+        self.fades: list[bool] = []
+
+    def add(self, lane: Lane, own: int, state: int) -> None:
+        """Take up a law; `own` and `state` are the offsets of its effect's numbers."""
+        reads = lane.arguments
+        if lane.target in self._equation:
+            moved = self._own_state[lane.target]
+            stiff = self._stiff if moved in reads else self._plain
+            kind = self._slopes if f'd{moved}' in reads else stiff
+            kind.append((self._equation[lane.target], lane, own, state))
+        elif lane.target.endswith('_sensor'):
+            self._sensors.append((lane, own, state))
+        elif lane.own_state:
+            self._rates.append((lane, own, state))
+            self.fades.append(lane.target in reads)
+
+    @property
+    def laws(self) -> Table:
+        """Laws of the equations, stiff ones first."""
+        return _table([call[1:] for call in (*self._stiff, *self._plain)])
+
+    @property
+    def stiff_count(self) -> int:
+        """How many laws are stiff in their own state."""
+        return len(self._stiff)
+
+    @property
+    def stiff_force(self) -> Integers:
+        """Equation of each law."""
+        return integers([call[0] for call in (*self._stiff, *self._plain)])
+
+    @property
+    def slopes(self) -> tuple[Integers, Integers, Integers, Integers]:
+        """Laws that read the rate of change of their own equation, and that equation."""
+        return (
+            *_table([call[1:] for call in self._slopes]),
+            integers([call[0] for call in self._slopes]),
+        )
+
+    @property
+    def rates(self) -> Table:
+        """Rates of the own states, in their order."""
+        return _table(self._rates)
+
+    @property
+    def sensors(self) -> Table:
+        """Laws of sensors."""
+        return _table(self._sensors)
+
+    @property
+    def keep(self) -> list[Lane]:
+        """Everything whose address is in a table."""
+        equations = [call[1] for call in (*self._stiff, *self._plain, *self._slopes)]
+        return equations + [call[0] for call in (*self._rates, *self._sensors)]
+
+
+def _table(calls: Sequence[tuple[Lane, int, int]]) -> Table:
+    """Return addresses, offsets of own parameters, and offsets of own states."""
+    return (
+        integers([lane.address for lane, _, _ in calls]),
+        integers([own for _, own, _ in calls]),
+        integers([state for _, _, state in calls]),
+    )
+
+
+def integers(values: Sequence[int]) -> Integers:
+    """Return (N,) integers."""
+    return np.array(values, dtype=np.int64)

@@ -1,0 +1,158 @@
+"""Parts of the time step: own states of effects, and laws that read a rate of change.
+
+An own state whose rate depends on itself may fade faster than a sample (the filter of a sensor,
+the bristle of a friction model).  It takes an exponential step,
+
+    z' = z + h phi1(s h) r0 + h phi2(s h) (r1 - r0 - s (zp - z)),
+
+with ``s = dr/dz``, the rates r0 and r1 at both ends and the predicted value zp: exact for a linear
+filter of a straight line, of second order otherwise.  (Cox and Matthews 2002,
+doi:10.1006/jcph.2002.6995.)
+
+A law that is proportional to the rate of change of its own equation (an inertia that changes, an
+inductance that falls) is solved for: with the rate r that all other laws give and the value f(r),
+the equation ``a = r + g f(a)`` has the solution ``f(a) = f(r) r / (r - g f(r))``.
+"""
+
+from numba import njit
+import numpy as np
+
+from motor_sysid.physics.native import call_lane, LANES
+
+_SMALL = 1e-2
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def own_slope(buffer, base, s, call, offset, rate_row, reach, slope):  # type: ignore[no-untyped-def]
+    """Set `slope` (W,) to how fast own state `s` makes its own rate fall, never above zero.
+
+    `call` is (addresses, own parameters, own states) of all rates, `reach` (W,) the size of the
+    difference that is taken; the rates must have been evaluated.
+    """
+    address, own, state = call
+    for k in range(LANES):
+        slope[k] = buffer[rate_row + k]
+        buffer[rate_row + k] = 0.0
+        buffer[offset + k] += reach[k]
+    call_lane(address[s], base, own[s], state[s])
+    for k in range(LANES):
+        here = slope[k]
+        slope[k] = min((buffer[rate_row + k] - here) / reach[k], 0.0)
+        buffer[rate_row + k] = here
+        buffer[offset + k] -= reach[k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def predict_own(  # type: ignore[no-untyped-def]
+    buffer, base, call, fading, offsets, rates, h, old, old_rate, ahead, work
+):  # fmt: skip
+    """Move every own state to the end of the step under its rate at the start.
+
+    Keeps value and rate at the start in `old` and `old_rate`, and what was reached in `ahead` (at
+    least S, W); `work` is (2, W).
+    """
+    reach, slope = work[0], work[1]
+    for s in range(offsets.shape[0]):
+        offset, row = offsets[s], rates[s]
+        for k in range(LANES):
+            old[s, k] = buffer[offset + k]
+            old_rate[s, k] = buffer[row + k]
+            ahead[s, k] = old[s, k] + h[k] * old_rate[s, k]
+        if fading[s]:
+            for k in range(LANES):
+                reach[k] = h[k] * abs(old_rate[s, k]) + 1e-9 * abs(old[s, k]) + 1e-30
+            own_slope(buffer, base, s, call, offset, row, reach, slope)
+            for k in range(LANES):
+                ahead[s, k] = old[s, k] + h[k] * phi1(h[k] * slope[k]) * old_rate[s, k]
+    for s in range(offsets.shape[0]):
+        for k in range(LANES):
+            buffer[offsets[s] + k] = ahead[s, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def correct_own(  # type: ignore[no-untyped-def]
+    buffer, base, call, fading, offsets, rates, h, old, old_rate, work
+):  # fmt: skip
+    """Set every own state to its value at the end of the step; the rates there are known."""
+    reach, slope = work[0], work[1]
+    for s in range(offsets.shape[0]):
+        offset, row = offsets[s], rates[s]
+        if not fading[s]:
+            for k in range(LANES):
+                buffer[row + k] = 0.5 * (old_rate[s, k] + buffer[row + k])
+            continue
+        for k in range(LANES):
+            both = abs(old_rate[s, k]) + abs(buffer[row + k])
+            reach[k] = h[k] * both + 1e-9 * abs(old[s, k]) + 1e-30
+        own_slope(buffer, base, s, call, offset, row, reach, slope)
+        for k in range(LANES):
+            z, begun = h[k] * slope[k], old_rate[s, k]
+            ended = buffer[row + k] - slope[k] * (buffer[offset + k] - old[s, k])
+            buffer[row + k] = phi1(z) * begun + phi2(z) * (ended - begun)
+    for s in range(offsets.shape[0]):
+        for k in range(LANES):
+            buffer[offsets[s] + k] = old[s, k] + h[k] * buffer[rates[s] + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def phi1(z):  # type: ignore[no-untyped-def]
+    """``(exp(z) - 1) / z``."""
+    if abs(z) < _SMALL:
+        return 1.0 + z * (0.5 + z * (1.0 / 6.0 + z / 24.0))
+    return (np.exp(z) - 1.0) / z
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def phi2(z):  # type: ignore[no-untyped-def]
+    """``(exp(z) - 1 - z) / z^2``."""
+    if abs(z) < _SMALL:
+        return 0.5 + z * (1.0 / 6.0 + z * (1.0 / 24.0 + z / 120.0))
+    return (np.exp(z) - 1.0 - z) / (z * z)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def add_rate_laws(  # type: ignore[no-untyped-def]
+    buffer, base, x, u, linear, calls, forces, slope_rows, force_rows, own_state, work
+):  # fmt: skip
+    """Add the laws that read the rate of change of their own equation to the forces.
+
+    Parameters
+    ----------
+    x, u:
+        (n, W) core state, as loaded, and (n_u, W) input.
+    linear:
+        A (n, n, W), B (n, n_u, W), G (n, m, W) of the linear motor.
+    calls, forces:
+        Addresses and offsets of the laws, and the equation of each.
+    slope_rows:
+        (m,) rows of the buffer in which laws find the rate of each equation's own state.
+    work:
+        (2, W) memory.
+    """
+    a, b, g = linear
+    address, own, state = calls
+    rate, before = work[0], work[1]
+    for i in range(address.shape[0]):
+        j = forces[i]
+        at, row = own_state[j], force_rows[j] * LANES
+        for k in range(LANES):
+            rate[k] = 0.0
+        for c in range(a.shape[1]):
+            for k in range(LANES):
+                rate[k] += a[at, c, k] * x[c, k]
+        for c in range(b.shape[1]):
+            for k in range(LANES):
+                rate[k] += b[at, c, k] * u[c, k]
+        for c in range(g.shape[1]):
+            other = force_rows[c] * LANES
+            for k in range(LANES):
+                rate[k] += g[at, c, k] * buffer[other + k]
+        for k in range(LANES):
+            before[k] = buffer[row + k]
+            buffer[slope_rows[j] * LANES + k] = rate[k]
+        call_lane(address[i], base, own[i], state[i])
+        for k in range(LANES):
+            force = buffer[row + k] - before[k]
+            left = rate[k] - g[at, j, k] * force
+            share = rate[k] / left if left != 0.0 else 1.0
+            buffer[row + k] = before[k] + force * share
