@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.residual import curve, lacking_name, measured_states, unexplained
-from motor_sysid.diagnosis.result import Curve, Where
+from motor_sysid.diagnosis.result import Curve, Map, Where
 from motor_sysid.estimation.batch import Chain, Problem
 from motor_sysid.physics.model import linear_unit, Model
 from motor_sysid.signals.record import Record
@@ -72,12 +72,58 @@ def channel_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Arr
     return percent
 
 
+@dataclass(frozen=True)
+class Failure:
+    """Where a model fails: errors by axis, unexplained force by axis, and both over two axes."""
+
+    where: tuple[Where, ...]
+    curves: tuple[Curve, ...]
+    maps: tuple[Map, ...]
+
+
+def failure_of(
+    model: Model,
+    records: Sequence[Record],
+    roles: Sequence[str],
+    predictions: Sequence[Mapping[str, Array]],
+) -> Failure:
+    """Say where a model fails.
+
+    Parameters
+    ----------
+    model:
+        The model.
+    records, roles:
+        Uniform records, each ``train`` or ``validate``.
+    predictions:
+        For each record, output to the (N,) values that the model gives.
+    """
+    held = [k for k, role in enumerate(roles) if role == 'validate'] or list(range(len(records)))
+    outputs = list(predictions[0])
+    measured = [np.stack([records[k][n] for n in outputs], axis=1) for k in held]
+    residuals = [
+        m - np.stack([predictions[k][n] for n in outputs], axis=1)
+        for k, m in zip(held, measured, strict=True)
+    ]
+    where = _where(model, [records[k] for k in held], residuals, measured)
+    return Failure(where, failure_curves(model, records), ())
+
+
 def where_it_fails(
     model: Model, records: Sequence[Record], comparison: Comparison
 ) -> tuple[Where, ...]:
     """Say along which axes the (combined, relative) squared error is concentrated."""
-    size = np.sqrt(np.mean(np.concatenate(comparison.measured) ** 2, axis=0))
-    parts = [np.mean((r / size) ** 2, axis=1) for r in comparison.residuals]
+    return _where(model, records, comparison.residuals, comparison.measured)
+
+
+def _where(
+    model: Model,
+    records: Sequence[Record],
+    residuals: Sequence[Array],
+    measured: Sequence[Array],
+) -> tuple[Where, ...]:
+    size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
+    parts = [np.mean((r / size) ** 2, axis=1) for r in residuals]
     squared = np.concatenate(parts)
     found = []
     for axis, (unit, x, edges) in _axes(model, records).items():

@@ -5,9 +5,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from motor_sysid.diagnosis import words
-from motor_sysid.diagnosis.compare import compare, failure_curves, where_it_fails
+from motor_sysid.diagnosis.compare import compare, failure_of
 from motor_sysid.diagnosis.evidence import candidate_of
+from motor_sysid.diagnosis.explain import explained
+from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     climb,
@@ -117,16 +118,22 @@ def diagnose(
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
     bench = with_scales(bench, model)
     candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
-    return _Engine(bench, candidates, settings, tell).run(climb(model, bench))
+    return _Engine(bench, candidates, settings, tell, nominal or {}).run(climb(model, bench))
 
 
 class _Engine:
     """One diagnosis on its way."""
 
     def __init__(
-        self, bench: Bench, candidates: Sequence[Effect], settings: Settings, tell: Progress
+        self,
+        bench: Bench,
+        candidates: Sequence[Effect],
+        settings: Settings,
+        tell: Progress,
+        nominal: Mapping[str, float],
     ) -> None:
         self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
+        self.nominal = nominal
         self.train_records = [
             r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
         ]
@@ -155,8 +162,9 @@ class _Engine:
     def round(self, rung: Rung) -> list[Trial]:
         """Score every candidate, refit the best, and return them with their evidence."""
         problem = self.bench.problem(rung.model)
-        orders = likely_orders(rung.model, self.train_records)
-        tried = list(variants(rung.model, self.bench.scales, self.candidates, orders))
+        scales = self.bench.scales
+        proposed = proposals(rung.model, self.train_records, self.candidates, scales)
+        tried = list(variants(rung.model, scales, self.candidates, proposed))
         if not tried:
             return []
         self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
@@ -194,18 +202,18 @@ class _Engine:
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         steps = tuple(self.step(rung, trials, rivals) for rung, trials in ladder)
         shown = steps if named else steps[:1]
-        return Diagnosis(
+        found = Diagnosis(
             verdict=verdict,
             effects=final.model.effects[len(ladder[0][0].model.effects) :] if named else (),
             steps=shown,
             noise_floor_percent=left.floor_percent,
             noise_sigma=left.floor,
-            reasons=words.reasons(verdict, steps, left, rivals),
+            reasons=(),
             records=self.bench.records,
             roles=self.bench.roles,
-            experiment=words.experiment(verdict, steps, rivals),
             warnings=(*final.result.unidentifiable, *final.result.warnings),
         )
+        return explained(found, steps, left, rivals, self.nominal)
 
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""
@@ -226,13 +234,10 @@ class _Engine:
         self, rung: Rung, trials: Sequence[Trial], rivals: Mapping[str, tuple[str, ...]]
     ) -> Step:
         """Turn a rung into a line of the report."""
-        held = [
-            r for r, role in zip(self.bench.records, self.bench.roles, strict=True)
-            if role == 'validate'
-        ]  # fmt: skip
-        curves = failure_curves(rung.model, self.bench.records)
+        predictions = (*rung.training.predictions, *rung.validation.predictions)
+        failure = failure_of(rung.model, self.bench.records, self.bench.roles, predictions)
         found: list[Candidate] = [
-            candidate_of(t, rung.model, curves, rivals.get(t.key, ()), self.bench.records)
+            candidate_of(t, rung.model, failure.curves, rivals.get(t.key, ()), self.bench.records)
             for t in trials
         ]
         return Step(
@@ -240,9 +245,10 @@ class _Engine:
             train_error_percent=rung.training.error_percent,
             validation_error_percent=rung.validation.error_percent,
             channel_errors=rung.validation.channel_percent,
-            predictions=(*rung.training.predictions, *rung.validation.predictions),
-            where=where_it_fails(rung.model, held, rung.validation),
-            curves=curves,
+            predictions=predictions,
+            where=failure.where,
+            curves=failure.curves,
+            maps=failure.maps,
             candidates=tuple(found),
         )
 

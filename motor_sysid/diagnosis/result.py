@@ -78,6 +78,36 @@ class Where:
 
 
 @dataclass(frozen=True)
+class Map:
+    """What a model leaves, over two axes.
+
+    Attributes
+    ----------
+    x_axis, x_unit, y_axis, y_unit:
+        What it is drawn over.
+    quantity, unit:
+        What is drawn: the RMS error of an output (``speed error``), or the mean of an unexplained
+        torque or voltage.
+    x_edges, y_edges:
+        (nx + 1,) and (ny + 1,) edges.
+    value, band:
+        (ny, nx) value of each cell and half width of its 95 % band; NaN where a cell holds too
+        few samples.
+    """
+
+    x_axis: str
+    x_unit: str
+    y_axis: str
+    y_unit: str
+    quantity: str
+    unit: str
+    x_edges: Array
+    y_edges: Array
+    value: Array
+    band: Array
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect, tried on top of one model.
 
@@ -138,6 +168,8 @@ class Step:
         Unexplained torque or voltage against speed, position, current and time.
     candidates:
         What was tried next, best first.
+    maps:
+        Errors and unexplained torque and voltage over speed and current.
     """
 
     model: Model
@@ -148,6 +180,7 @@ class Step:
     where: tuple[Where, ...] = ()
     curves: tuple[Curve, ...] = ()
     candidates: tuple[Candidate, ...] = ()
+    maps: tuple[Map, ...] = ()
 
 
 @dataclass(frozen=True)
