@@ -22,23 +22,18 @@ The kernel works on blocks of 32 parameter vectors; the last axis of every array
 from numba import njit
 import numpy as np
 
-from motor_sysid.physics.native import call_lane, LANES
+from motor_sysid.physics.implicit import JUMP, prepare, ROWS, secants, settle
+from motor_sysid.physics.native import as_pointer, call_lane, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 
-TRIALS = 60
-"""Most evaluations that the implicit step may take; it needs three or four."""
-
-HARD = 0.25
-"""Stiffness of a law over one substep above which the step is taken fully implicit."""
-
-CLOSE = 1e-5
-"""Error of the implicit step, relative to it, that is good enough."""
+CHUNK = 3
+"""Products that are summed at a time."""
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def run_block(  # type: ignore[no-untyped-def]
-    step, phi1_input, phi1_force, phi2_force, width, substeps, dt, t0, first,
-    inputs, late, position, buffer, base, x,
+    whole, phi1_force, phi2_force, width, wide, substeps, dt, t0, first,
+    inputs, late, position, buffer, base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_address, lane_own, lane_state, stiff_count, stiff_force,
     rate_address, rate_own, rate_state, memory_offset, memory_rate, memory_fades,
@@ -50,11 +45,16 @@ def run_block(  # type: ignore[no-untyped-def]
 
     Parameters
     ----------
-    step, phi1_input, phi1_force, phi2_force:
-        (S, n, n, W), (S, n, n_u, W), (S, n, m, W), (S, n, m, W) matrices of one substep of each of
-        the S pieces of a sample; S is 1 without and 2 with an input delay.
+    whole:
+        (S, n, K, W) matrices of one substep of each of the S pieces of a sample, S being 1 without
+        and 2 with an input delay: E, h phi1 B and h phi1 G side by side, filled up with zeros to K
+        columns, a multiple of `CHUNK`.
+    phi1_force, phi2_force:
+        (S, n, m, W) matrices h phi1 G and h phi2 G.
     width:
         (S, W) length of a substep in s.
+    wide:
+        Lanes that are used, at most W; the others are left alone.
     substeps, dt, t0, first:
         Substeps per piece, sample time and time of the first row of inputs in s, and the row to
         begin at.
@@ -65,8 +65,9 @@ def run_block(  # type: ignore[no-untyped-def]
     position:
         (N,) measured position for laws that depend on it, or empty.
     buffer, base:
-        Flat work memory and its address; rows are described in `motor_sysid.physics.lanes`.
-    x:
+        Flat work memory and its address; rows are described in `motor_sysid.physics.lanes`, the
+        last `ROWS` of them in `motor_sysid.physics.implicit`.
+    state:
         (n, W) core state, advanced in place.
     memory_fades:
         For each own state whether its rate depends on itself.
@@ -76,315 +77,281 @@ def run_block(  # type: ignore[no-untyped-def]
     outputs:
         (N - first, n_y, W) model outputs at the sample times.
     """
-    pieces, n, m, n_u = step.shape[0], step.shape[1], phi1_force.shape[2], inputs.shape[1]
+    pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
     count = inputs.shape[0]
     n_lanes, n_slopes = lane_address.shape[0], slope_address.shape[0]
     n_memory = memory_offset.shape[0]
+    p = as_pointer(base)  # type: ignore[var-annotated]
+    lane_calls = (lane_address, lane_own, lane_state)
     rate_calls = (rate_address, rate_own, rate_state)
     slope_calls = (slope_address, slope_own, slope_state)
-    work = np.empty((2, LANES))
-    predicted = np.empty((n, LANES))
-    before = np.zeros((m, LANES))
-    stiff = np.zeros((m, LANES))
-    change = np.empty((m, LANES))
-    at_start, low, high, g_low, g_high, d, side = np.empty((7, LANES))
-    begun_force, jump = np.zeros((m, LANES)), np.zeros((m, LANES))
-    late_share, weights = np.zeros((m, LANES)), np.zeros((m, LANES))
-    previous = x.copy()
-    old_memory = np.empty((n_memory + 1, LANES))
-    old_rate, next_memory = np.empty((n_memory + 1, LANES)), np.empty((n_memory + 1, LANES))
-    u = np.empty((n_u, LANES))
-    now, h = np.empty(LANES), np.empty(LANES)
-    here, there = np.zeros(LANES), np.zeros(LANES)
+    sensor_calls = (sensor_address, sensor_own, sensor_state)
+    work = np.empty((3, LANES))
+    predicted, previous = np.empty((n, LANES)), state.copy()
+    begun, secant, start = np.zeros((3, m, LANES))
+    ended, jump, share = np.zeros((3, m, LANES))
+    w = as_pointer(base + 8 * (buffer.shape[0] - ROWS * LANES))
+    old_memory, old_rate, next_memory = np.empty((3, n_memory + 1, LANES))
+    all_in = np.zeros((whole.shape[2], LANES))
+    x, u, before = all_in[:n], all_in[n : n + n_u], all_in[n + n_u : n + n_u + m]
+    x[:] = state
+    answers = np.zeros(m, dtype=np.bool_)
+    for i in range(stiff_count):
+        answers[stiff_force[i]] = True
+    now, h, here, there = np.zeros((4, LANES))
     follows = position.shape[0] > 0
     position_row = -1
     for j in range(n):
         if state_rows[j] == 2:
             position_row = j
+    time_at = time_row * LANES
 
     for sample in range(first, count):
+        begins = t0 + sample * dt
         if sensor_address.shape[0] > 0:
-            for k in range(LANES):
+            for k in range(wide):
                 here[k] = position[sample] if follows else 0.0
-                buffer[time_row * LANES + k] = t0 + sample * dt
-            load_state(buffer, x, state_rows, position_row, follows, here)
-            clear(buffer, output_sensor)
-            for i in range(sensor_address.shape[0]):
-                call_lane(sensor_address[i], base, sensor_own[i], sensor_state[i])
-        for y in range(outputs.shape[1]):
-            j = output_state[y]
-            bias = output_bias[y] * LANES
-            if output_rate[y]:
-                scale = 1.0 / dt
-                for k in range(LANES):
-                    moved = x[j, k] - previous[j, k]
-                    outputs[sample - first, y, k] = moved * scale + buffer[bias + k]
-            else:
-                for k in range(LANES):
-                    outputs[sample - first, y, k] = x[j, k] + buffer[bias + k]
-            if sensor_address.shape[0] > 0:
-                row = output_sensor[y] * LANES
-                for k in range(LANES):
-                    outputs[sample - first, y, k] += buffer[row + k]
+                p[time_at + k] = begins
+            load_state(wide, p, x, state_rows, position_row, follows, here)
+            clear(wide, p, output_sensor)
+            call_all(wide, base, sensor_calls, 0, sensor_address.shape[0])
+        show(
+            wide, p, x, previous, 1.0 / dt, output_state, output_rate, output_bias, output_sensor,
+            sensor_address.shape[0] > 0, outputs[sample - first],
+        )  # fmt: skip
         for j in range(n):
-            for k in range(LANES):
+            for k in range(wide):
                 previous[j, k] = x[j, k]
 
-        for k in range(LANES):
-            now[k] = t0 + sample * dt
+        for k in range(wide):
+            now[k] = begins
         for part in range(pieces * substeps):
             piece = part // substeps
-            hold_input(u, inputs, late, sample - (pieces - 1 - piece))
+            hold_input(wide, u, inputs, late, sample - (pieces - 1 - piece))
+            if n_lanes + n_slopes + n_memory == 0:
+                predict(wide, predicted, whole[piece], all_in)
+                for j in range(n):
+                    for k in range(wide):
+                        x[j, k] = predicted[j, k]
+                continue
             for j in range(n_u):
                 row = input_rows[j] * LANES
-                for k in range(LANES):
-                    buffer[row + k] = u[j, k]
-            for k in range(LANES):
+                for k in range(wide):
+                    p[row + k] = u[j, k]
+            for k in range(wide):
                 h[k] = width[piece, k]
-                buffer[time_row * LANES + k] = now[k]
+                p[time_at + k] = now[k]
             if follows:
                 base_position = position[sample]
                 slope = (position[min(sample + 1, count - 1)] - base_position) / dt
-                begun = t0 + sample * dt
-                for k in range(LANES):
-                    here[k] = base_position + slope * (now[k] - begun)
+                for k in range(wide):
+                    here[k] = base_position + slope * (now[k] - begins)
                     there[k] = here[k] + slope * h[k]
 
             # stage 0: every law at the state
-            load_state(buffer, x, state_rows, position_row, follows, here)
-            clear(buffer, force_rows)
-            for i in range(stiff_count):
-                call_lane(lane_address[i], base, lane_own[i], lane_state[i])
-            for j in range(m):
-                row = force_rows[j] * LANES
-                for k in range(LANES):
-                    stiff[j, k] = buffer[row + k]
-                    begun_force[j, k] = buffer[row + k]
-            for i in range(stiff_count, n_lanes):
-                call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+            load_state(wide, p, x, state_rows, position_row, follows, here)
+            clear(wide, p, force_rows)
+            call_all(wide, base, lane_calls, 0, stiff_count)
+            keep(wide, begun, p, force_rows)
+            call_all(wide, base, lane_calls, stiff_count, n_lanes)
             if n_slopes > 0:
                 add_rate_laws(
-                    buffer, base, x, u, linear, slope_calls, slope_force, slope_rows,
+                    wide, p, base, x, u, linear, slope_calls, slope_force, slope_rows,
                     force_rows, own_state, work,
                 )  # fmt: skip
-            for j in range(m):
-                row = force_rows[j] * LANES
-                for k in range(LANES):
-                    before[j, k] = buffer[row + k]
+            keep(wide, before, p, force_rows)
             if n_memory > 0:
-                evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
+                evaluate_rates(wide, p, base, rate_calls, memory_rate)
                 predict_own(
-                    buffer, base, rate_calls, memory_fades, memory_offset, memory_rate, h,
+                    wide, p, base, rate_calls, memory_fades, memory_offset, memory_rate, h,
                     old_memory, old_rate, next_memory, work,
                 )  # fmt: skip
 
             # predictor
-            for j in range(n):
-                for k in range(LANES):
-                    predicted[j, k] = 0.0
-                for i in range(n):
-                    for k in range(LANES):
-                        predicted[j, k] += step[piece, j, i, k] * x[i, k]
-                for i in range(n_u):
-                    for k in range(LANES):
-                        predicted[j, k] += phi1_input[piece, j, i, k] * u[i, k]
-                if n_lanes + n_slopes > 0:
-                    for i in range(m):
-                        for k in range(LANES):
-                            predicted[j, k] += phi1_force[piece, j, i, k] * before[i, k]
-            for k in range(LANES):
+            predict(wide, predicted, whole[piece], all_in)
+            for k in range(wide):
                 now[k] += h[k]
-            if n_lanes + n_slopes == 0 and n_memory == 0:
-                for j in range(n):
-                    for k in range(LANES):
-                        x[j, k] = predicted[j, k]
-                continue
 
             # stage 2: stiff laws with only their own state moved
             if stiff_count > 0:
-                load_state(buffer, x, state_rows, position_row, follows, here)
-                clear(buffer, force_rows)
-                for s in range(n_memory):
-                    offset = memory_offset[s]
-                    for k in range(LANES):
-                        buffer[offset + k] = old_memory[s, k]
-                for j in range(m):
-                    own = own_state[j]
-                    row = state_rows[own] * LANES
-                    for k in range(LANES):
-                        buffer[row + k] = predicted[own, k]
-                    for i in range(stiff_count):
-                        if stiff_force[i] == j:
-                            call_lane(lane_address[i], base, lane_own[i], lane_state[i])
-                    for k in range(LANES):
-                        buffer[row + k] = x[own, k]
-                for j in range(m):
-                    own = own_state[j]
-                    row = force_rows[j] * LANES
-                    for k in range(LANES):
-                        moved = predicted[own, k] - x[own, k]
-                        secant = (buffer[row + k] - stiff[j, k]) * moved / (moved * moved + 1e-30)
-                        stiff[j, k] = min(secant, 0.0)
-                for s in range(n_memory):
-                    offset = memory_offset[s]
-                    for k in range(LANES):
-                        buffer[offset + k] = next_memory[s, k]
+                put(wide, p, memory_offset, old_memory)
+                secants(
+                    wide, p, base, lane_calls, stiff_count, stiff_force, state_rows, force_rows,
+                    own_state, x, predicted, begun, secant,
+                )  # fmt: skip
+                put(wide, p, memory_offset, next_memory)
 
             # stage 1: every law at the predicted state
-            load_state(buffer, predicted, state_rows, position_row, follows, there)
+            load_state(wide, p, predicted, state_rows, position_row, follows, there)
             if n_memory > 0:
-                evaluate_rates(buffer, base, rate_address, rate_own, rate_state, memory_rate)
+                evaluate_rates(wide, p, base, rate_calls, memory_rate)
                 correct_own(
-                    buffer, base, rate_calls, memory_fades, memory_offset, memory_rate, h,
+                    wide, p, base, rate_calls, memory_fades, memory_offset, memory_rate, h,
                     old_memory, old_rate, work,
                 )  # fmt: skip
-            clear(buffer, force_rows)
-            for i in range(n_lanes):
-                call_lane(lane_address[i], base, lane_own[i], lane_state[i])
+            clear(wide, p, force_rows)
+            call_all(wide, base, lane_calls, 0, stiff_count)
+            keep(wide, start, p, force_rows)
+            call_all(wide, base, lane_calls, stiff_count, n_lanes)
             if n_slopes > 0:
                 add_rate_laws(
-                    buffer, base, predicted, u, linear, slope_calls, slope_force, slope_rows,
+                    wide, p, base, predicted, u, linear, slope_calls, slope_force, slope_rows,
                     force_rows, own_state, work,
                 )  # fmt: skip
 
-            # corrector: stiff laws at the end of the step, found by a bracketed regula falsi
+            # corrector: stiff laws at the end of the step, the others by the trapezoid
             for j in range(m):
                 row = force_rows[j] * LANES
-                for k in range(LANES):
-                    before[j, k] = buffer[row + k] - before[j, k]
+                for k in range(wide):
+                    ended[j, k] = p[row + k] - before[j, k]
+            hard = 0
             for j in range(m):
-                own = own_state[j]
-                for k in range(LANES):
-                    change[j, k] = 0.0
-                for i in range(m):
-                    for k in range(LANES):
-                        change[j, k] += phi2_force[piece, own, i, k] * before[i, k]
+                if not answers[j]:
+                    continue
+                hard += prepare(
+                    wide, w, j, own_state[j], predicted, ended, begun, start, secant,
+                    phi1_force[piece], phi2_force[piece], share,
+                )  # fmt: skip
+                row = state_rows[own_state[j]] * LANES
+                settle(
+                    wide, p, base, lane_calls, stiff_count, stiff_force, j, row,
+                    force_rows[j] * LANES, w,
+                )  # fmt: skip
+                for k in range(wide):
+                    jump[j, k] = w[JUMP + k]
+                    p[row + k] = predicted[own_state[j], k]
             for j in range(m):
-                for k in range(LANES):
-                    jump[j, k] = 0.0
-                    late_share[j, k] = 0.0
-            for j in range(m):
-                if stiff_count == 0:
-                    break
-                own = own_state[j]
-                row = state_rows[own] * LANES
-                load_state(buffer, predicted, state_rows, position_row, follows, there)
-                clear(buffer, force_rows)
-                for i in range(stiff_count):
-                    if stiff_force[i] == j:
-                        call_lane(lane_address[i], base, lane_own[i], lane_state[i])
-                for k in range(LANES):
-                    at_start[k] = buffer[force_rows[j] * LANES + k]
-                    first_jump = at_start[k] - begun_force[j, k]
-                    p2, p1 = phi2_force[piece, own, j, k], phi1_force[piece, own, j, k]
-                    hard = -p2 * stiff[j, k] > HARD
-                    late_share[j, k] = 1.0 if hard else 0.0
-                    weight = p1 if hard else p2
-                    weights[j, k] = weight
-                    c = change[j, k] + (weight - p2) * first_jump
-                    change[j, k] = c
-                    low[k], high[k] = 0.0, c
-                    g_low[k] = -c
-                    g_high[k] = 1e300
-                    side[k] = 0.0
-                    d[k] = c / (1.0 - weight * stiff[j, k])
-                for trial in range(TRIALS):
-                    clear(buffer, force_rows)
-                    for k in range(LANES):
-                        buffer[row + k] = predicted[own, k] + d[k]
-                    for i in range(stiff_count):
-                        if stiff_force[i] == j:
-                            call_lane(lane_address[i], base, lane_own[i], lane_state[i])
-                    worst = 0.0
-                    for k in range(LANES):
-                        now_force = buffer[force_rows[j] * LANES + k]
-                        jump[j, k] = now_force - begun_force[j, k]
-                        c = change[j, k]
-                        g = d[k] - c - weights[j, k] * (now_force - at_start[k])
-                        off = abs(g) / (abs(c) + 1e-4 * abs(predicted[own, k]) + 1e-300)
-                        if off > worst:
-                            worst = off
-                        up = c > 0.0
-                        if (g > 0.0) == up:
-                            high[k], g_high[k] = d[k], g
-                            if side[k] > 0.0:
-                                g_low[k] *= 0.5
-                            side[k] = 1.0
-                        else:
-                            low[k], g_low[k] = d[k], g
-                            if side[k] < 0.0:
-                                g_high[k] *= 0.5
-                            side[k] = -1.0
-                        if off < CLOSE:
-                            continue  # a lane that is there stays, whatever the others do
-                        overshoots = d[k] * (predicted[own, k] + d[k]) > 0.0
-                        if trial == 0 and overshoots and -predicted[own, k] * c > 0.0:
-                            d[k] = -predicted[own, k]
-                        elif g_high[k] > 1e299 or g_high[k] == g_low[k]:
-                            d[k] = 0.5 * (low[k] + high[k])
-                        else:
-                            share = g_high[k] / (g_high[k] - g_low[k])
-                            d[k] = high[k] - share * (high[k] - low[k])
-                    if worst < CLOSE:
-                        break
-                for k in range(LANES):
-                    # what is left are the laws that are not stiff
-                    before[j, k] -= at_start[k] - begun_force[j, k]
-            for j in range(n):
-                for k in range(LANES):
-                    x[j, k] = predicted[j, k]
-                for i in range(m):
-                    for k in range(LANES):
-                        x[j, k] += phi2_force[piece, j, i, k] * before[i, k]
-                if stiff_count > 0:
-                    for i in range(m):
-                        for k in range(LANES):
-                            part1, part2 = phi1_force[piece, j, i, k], phi2_force[piece, j, i, k]
-                            x[j, k] += (part1 if late_share[i, k] > 0 else part2) * jump[i, k]
+                if answers[j]:
+                    for k in range(wide):
+                        ended[j, k] += jump[j, k] - (start[j, k] - begun[j, k])
+            correct(wide, x, predicted, phi2_force[piece], ended)
+            if hard > 0:
+                push_late(wide, x, phi1_force[piece], phi2_force[piece], share, jump)
+    state[:] = x
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def hold_input(u, inputs, late, sample):  # type: ignore[no-untyped-def]
+def show(  # type: ignore[no-untyped-def]
+    wide, p, x, previous, rate, state, differenced, bias, sensor, sensed, out
+):  # fmt: skip
+    """Write the outputs (n_y, W) of one sample."""
+    for y in range(out.shape[0]):
+        j, add = state[y], bias[y] * LANES
+        if differenced[y]:
+            for k in range(wide):
+                out[y, k] = (x[j, k] - previous[j, k]) * rate + p[add + k]
+        else:
+            for k in range(wide):
+                out[y, k] = x[j, k] + p[add + k]
+        if sensed:
+            row = sensor[y] * LANES
+            for k in range(wide):
+                out[y, k] += p[row + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def predict(wide, predicted, whole, all_in):  # type: ignore[no-untyped-def]
+    """Set `predicted` (n, W) to where state, input and force lead; three products at a time."""
+    for j in range(predicted.shape[0]):
+        for k in range(wide):
+            part = whole[j, 1, k] * all_in[1, k] + whole[j, 2, k] * all_in[2, k]
+            predicted[j, k] = whole[j, 0, k] * all_in[0, k] + part
+        for i in range(CHUNK, all_in.shape[0], CHUNK):
+            for k in range(wide):
+                part = whole[j, i + 1, k] * all_in[i + 1, k]
+                part += whole[j, i + 2, k] * all_in[i + 2, k]
+                predicted[j, k] += whole[j, i, k] * all_in[i, k] + part
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def correct(wide, x, predicted, phi2_force, change):  # type: ignore[no-untyped-def]
+    """Set the state to the predicted one and what the (m, W) changes of the forces add."""
+    for j in range(x.shape[0]):
+        for k in range(wide):
+            x[j, k] = predicted[j, k] + phi2_force[j, 0, k] * change[0, k]
+        for i in range(1, change.shape[0]):
+            for k in range(wide):
+                x[j, k] += phi2_force[j, i, k] * change[i, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def push_late(wide, x, phi1_force, phi2_force, share, jump):  # type: ignore[no-untyped-def]
+    """Let the changes of stiff laws act over the whole of the step in the lanes that are hard."""
+    for j in range(x.shape[0]):
+        for i in range(jump.shape[0]):
+            for k in range(wide):
+                more = phi1_force[j, i, k] - phi2_force[j, i, k]
+                x[j, k] += share[i, k] * more * jump[i, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def call_all(wide, base, calls, first, last):  # type: ignore[no-untyped-def]
+    """Call lane functions `first` to `last`."""
+    address, own, state = calls
+    for i in range(first, last):
+        call_lane(address[i], base, own[i], state[i], wide)
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def keep(wide, values, p, rows):  # type: ignore[no-untyped-def]
+    """Copy rows of the buffer to `values` (R, W)."""
+    for j in range(rows.shape[0]):
+        row = rows[j] * LANES
+        for k in range(wide):
+            values[j, k] = p[row + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
+    """Copy `values` (S, W) to their places in the buffer."""
+    for s in range(offsets.shape[0]):
+        offset = offsets[s]
+        for k in range(wide):
+            p[offset + k] = values[s, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
     """Write the input that acts in each lane to `u` (n_u, W)."""
     n_u = inputs.shape[1]
     if late.shape[0] == 0:
         for j in range(n_u):
-            for k in range(LANES):
+            for k in range(wide):
                 u[j, k] = inputs[sample, j]
         return
-    for k in range(LANES):
+    for k in range(wide):
         at = max(sample - late[k], 0)
         for j in range(n_u):
             u[j, k] = inputs[at, j]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def load_state(buffer, x, state_rows, position_row, follows, position):  # type: ignore[no-untyped-def]
+def load_state(wide, p, x, state_rows, position_row, follows, position):  # type: ignore[no-untyped-def]
     """Write a core state to the argument rows, with the measured position in its place."""
     for j in range(x.shape[0]):
         row = state_rows[j] * LANES
         if follows and j == position_row:
-            for k in range(LANES):
-                buffer[row + k] = position[k]
+            for k in range(wide):
+                p[row + k] = position[k]
         else:
-            for k in range(LANES):
-                buffer[row + k] = x[j, k]
+            for k in range(wide):
+                p[row + k] = x[j, k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def clear(buffer, rows):  # type: ignore[no-untyped-def]
+def clear(wide, p, rows):  # type: ignore[no-untyped-def]
     """Set the equation rows to zero."""
     for j in range(rows.shape[0]):
         row = rows[j] * LANES
-        for k in range(LANES):
-            buffer[row + k] = 0.0
+        for k in range(wide):
+            p[row + k] = 0.0
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def evaluate_rates(buffer, base, address, own, state, memory_rate):  # type: ignore[no-untyped-def]
+def evaluate_rates(wide, p, base, calls, memory_rate):  # type: ignore[no-untyped-def]
     """Set the rates of all own states."""
     for s in range(memory_rate.shape[0]):
-        for k in range(LANES):
-            buffer[memory_rate[s] + k] = 0.0
-    for i in range(address.shape[0]):
-        call_lane(address[i], base, own[i], state[i])
+        row = memory_rate[s]
+        for k in range(wide):
+            p[row + k] = 0.0
+    call_all(wide, base, calls, 0, calls[0].shape[0])

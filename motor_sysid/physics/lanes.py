@@ -39,10 +39,10 @@ from motor_sysid.physics.native import as_pointer as _as_pointer
 _law = _njit(error_model='numpy')({function})
 
 
-@_cfunc('void(int64, int64, int64)', cache=True, error_model='numpy')
-def lane(base, own, state):
+@_cfunc('void(int64, int64, int64, int64)', cache=True, error_model='numpy')
+def lane(base, own, state, wide):
     p = _as_pointer(base)
-    for k in range({lanes}):
+    for k in range(wide):
         p[{target} + k] += _law({arguments})
 """
 
@@ -54,7 +54,7 @@ class Lane:
     Attributes
     ----------
     address:
-        Of the native function ``void(buffer, own parameter offset, own state offset)``.
+        Of the native function ``void(buffer, own parameter offset, own state offset, lanes)``.
     target:
         Name of the equation, or of the own state whose rate it gives.
     arguments:
@@ -130,7 +130,7 @@ def _lane(
     names = tuple(inspect.signature(law).parameters)
     reads = ', '.join(_read(effect, name, motor_parameters) for name in names)
     text = effect.source + _TEMPLATE.format(
-        origin=effect.key, function=law.__name__, lanes=LANES, target=target, arguments=reads
+        origin=effect.key, function=law.__name__, target=target, arguments=reads
     )
     module = _generated_module(f'{effect.key}_{name}', text)
     lane = module.lane

@@ -20,13 +20,13 @@ def as_pointer(typingctx, address):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def call_lane(typingctx, address, base, own, state):  # type: ignore[no-untyped-def]
-    """Call ``void(int64, int64, int64)`` at `address`."""
-    signature = types.void(types.int64, types.int64, types.int64, types.int64)
+def call_lane(typingctx, address, base, own, state, wide):  # type: ignore[no-untyped-def]
+    """Call ``void(int64, int64, int64, int64)`` at `address`."""
+    signature = types.void(types.int64, types.int64, types.int64, types.int64, types.int64)
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
         word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word, word, word])
+        kind = ir.FunctionType(ir.VoidType(), [word, word, word, word])
         function = builder.inttoptr(args[0], kind.as_pointer())
         builder.call(function, args[1:])
         return context.get_dummy_value()

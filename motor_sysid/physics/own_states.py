@@ -23,28 +23,28 @@ _SMALL = 1e-2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def own_slope(buffer, base, s, call, offset, rate_row, reach, slope):  # type: ignore[no-untyped-def]
+def own_slope(wide, p, base, s, call, offset, rate_row, reach, slope):  # type: ignore[no-untyped-def]
     """Set `slope` (W,) to how fast own state `s` makes its own rate fall, never above zero.
 
     `call` is (addresses, own parameters, own states) of all rates, `reach` (W,) the size of the
     difference that is taken; the rates must have been evaluated.
     """
     address, own, state = call
-    for k in range(LANES):
-        slope[k] = buffer[rate_row + k]
-        buffer[rate_row + k] = 0.0
-        buffer[offset + k] += reach[k]
-    call_lane(address[s], base, own[s], state[s])
-    for k in range(LANES):
+    for k in range(wide):
+        slope[k] = p[rate_row + k]
+        p[rate_row + k] = 0.0
+        p[offset + k] += reach[k]
+    call_lane(address[s], base, own[s], state[s], wide)
+    for k in range(wide):
         here = slope[k]
-        slope[k] = min((buffer[rate_row + k] - here) / reach[k], 0.0)
-        buffer[rate_row + k] = here
-        buffer[offset + k] -= reach[k]
+        slope[k] = min((p[rate_row + k] - here) / reach[k], 0.0)
+        p[rate_row + k] = here
+        p[offset + k] -= reach[k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def predict_own(  # type: ignore[no-untyped-def]
-    buffer, base, call, fading, offsets, rates, h, old, old_rate, ahead, work
+    wide, p, base, call, fading, offsets, rates, h, old, old_rate, ahead, work
 ):  # fmt: skip
     """Move every own state to the end of the step under its rate at the start.
 
@@ -54,44 +54,44 @@ def predict_own(  # type: ignore[no-untyped-def]
     reach, slope = work[0], work[1]
     for s in range(offsets.shape[0]):
         offset, row = offsets[s], rates[s]
-        for k in range(LANES):
-            old[s, k] = buffer[offset + k]
-            old_rate[s, k] = buffer[row + k]
+        for k in range(wide):
+            old[s, k] = p[offset + k]
+            old_rate[s, k] = p[row + k]
             ahead[s, k] = old[s, k] + h[k] * old_rate[s, k]
         if fading[s]:
-            for k in range(LANES):
+            for k in range(wide):
                 reach[k] = h[k] * abs(old_rate[s, k]) + 1e-9 * abs(old[s, k]) + 1e-30
-            own_slope(buffer, base, s, call, offset, row, reach, slope)
-            for k in range(LANES):
+            own_slope(wide, p, base, s, call, offset, row, reach, slope)
+            for k in range(wide):
                 ahead[s, k] = old[s, k] + h[k] * phi1(h[k] * slope[k]) * old_rate[s, k]
     for s in range(offsets.shape[0]):
-        for k in range(LANES):
-            buffer[offsets[s] + k] = ahead[s, k]
+        for k in range(wide):
+            p[offsets[s] + k] = ahead[s, k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def correct_own(  # type: ignore[no-untyped-def]
-    buffer, base, call, fading, offsets, rates, h, old, old_rate, work
+    wide, p, base, call, fading, offsets, rates, h, old, old_rate, work
 ):  # fmt: skip
     """Set every own state to its value at the end of the step; the rates there are known."""
     reach, slope = work[0], work[1]
     for s in range(offsets.shape[0]):
         offset, row = offsets[s], rates[s]
         if not fading[s]:
-            for k in range(LANES):
-                buffer[row + k] = 0.5 * (old_rate[s, k] + buffer[row + k])
+            for k in range(wide):
+                p[row + k] = 0.5 * (old_rate[s, k] + p[row + k])
             continue
-        for k in range(LANES):
-            both = abs(old_rate[s, k]) + abs(buffer[row + k])
+        for k in range(wide):
+            both = abs(old_rate[s, k]) + abs(p[row + k])
             reach[k] = h[k] * both + 1e-9 * abs(old[s, k]) + 1e-30
-        own_slope(buffer, base, s, call, offset, row, reach, slope)
-        for k in range(LANES):
+        own_slope(wide, p, base, s, call, offset, row, reach, slope)
+        for k in range(wide):
             z, begun = h[k] * slope[k], old_rate[s, k]
-            ended = buffer[row + k] - slope[k] * (buffer[offset + k] - old[s, k])
-            buffer[row + k] = phi1(z) * begun + phi2(z) * (ended - begun)
+            ended = p[row + k] - slope[k] * (p[offset + k] - old[s, k])
+            p[row + k] = phi1(z) * begun + phi2(z) * (ended - begun)
     for s in range(offsets.shape[0]):
-        for k in range(LANES):
-            buffer[offsets[s] + k] = old[s, k] + h[k] * buffer[rates[s] + k]
+        for k in range(wide):
+            p[offsets[s] + k] = old[s, k] + h[k] * p[rates[s] + k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -112,7 +112,7 @@ def phi2(z):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def add_rate_laws(  # type: ignore[no-untyped-def]
-    buffer, base, x, u, linear, calls, forces, slope_rows, force_rows, own_state, work
+    wide, p, base, x, u, linear, calls, forces, slope_rows, force_rows, own_state, work
 ):  # fmt: skip
     """Add the laws that read the rate of change of their own equation to the forces.
 
@@ -135,24 +135,24 @@ def add_rate_laws(  # type: ignore[no-untyped-def]
     for i in range(address.shape[0]):
         j = forces[i]
         at, row = own_state[j], force_rows[j] * LANES
-        for k in range(LANES):
+        for k in range(wide):
             rate[k] = 0.0
         for c in range(a.shape[1]):
-            for k in range(LANES):
+            for k in range(wide):
                 rate[k] += a[at, c, k] * x[c, k]
         for c in range(b.shape[1]):
-            for k in range(LANES):
+            for k in range(wide):
                 rate[k] += b[at, c, k] * u[c, k]
         for c in range(g.shape[1]):
             other = force_rows[c] * LANES
-            for k in range(LANES):
-                rate[k] += g[at, c, k] * buffer[other + k]
-        for k in range(LANES):
-            before[k] = buffer[row + k]
-            buffer[slope_rows[j] * LANES + k] = rate[k]
-        call_lane(address[i], base, own[i], state[i])
-        for k in range(LANES):
-            force = buffer[row + k] - before[k]
+            for k in range(wide):
+                rate[k] += g[at, c, k] * p[other + k]
+        for k in range(wide):
+            before[k] = p[row + k]
+            p[slope_rows[j] * LANES + k] = rate[k]
+        call_lane(address[i], base, own[i], state[i], wide)
+        for k in range(wide):
+            force = p[row + k] - before[k]
             left = rate[k] - g[at, j, k] * force
             share = rate[k] / left if left != 0.0 else 1.0
-            buffer[row + k] = before[k] + force * share
+            p[row + k] = before[k] + force * share

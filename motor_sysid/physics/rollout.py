@@ -13,7 +13,8 @@ from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import ARGUMENTS, Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.exponential import substep_matrices
-from motor_sysid.physics.kernel import run_block
+from motor_sysid.physics.implicit import ROWS as WORK_ROWS
+from motor_sysid.physics.kernel import CHUNK, run_block
 from motor_sysid.physics.lanes import (
     compile_effect,
     FIRST_PARAMETER_ROW,
@@ -27,6 +28,9 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
+
+GROUP = 8
+"""Lanes that are computed together: a block of fewer parameter vectors costs less."""
 
 
 class Program:
@@ -225,8 +229,8 @@ class Program:
         used = table.shape[1]
         full = np.repeat(table[:, :1], LANES, axis=1)
         full[:, :used] = table
-        buffer = np.zeros(self._rows * LANES)
-        buffer.reshape(self._rows, LANES)[self._parameter_rows] = full
+        buffer = np.zeros((self._rows + WORK_ROWS) * LANES)
+        buffer.reshape(-1, LANES)[self._parameter_rows] = full
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:
             late, width = self._delays(full, dt)
@@ -236,12 +240,8 @@ class Program:
             matrices = [substep_matrices(*linear, w) for w in width]
         a, b, g = (part if self._slopes[0].size else part[:0] for part in linear)
         core = (_lane_last(a), _lane_last(b), _lane_last(g))
-        if len(matrices) == 1:
-            e, input_part, force_part, force_slope = (part[np.newaxis] for part in matrices[0])
-        else:
-            parts = [np.stack(same) for same in zip(*matrices, strict=True)]
-            e, input_part, force_part, force_slope = parts
-        return Workspace((e, input_part, force_part, force_slope), width, late, buffer, core)
+        wide = min(-(-used // GROUP) * GROUP, LANES)
+        return Workspace(_joined(matrices), width, wide, late, buffer, core)
 
     def begin(self, workspace: 'Workspace', x: Array) -> None:
         """Give own states that follow a state of the motor its value in `x` (n, 32)."""
@@ -270,6 +270,7 @@ class Program:
         run_block(
             *workspace.matrices,
             workspace.width,
+            workspace.wide,
             substeps,
             drive.dt,
             drive.start,
@@ -295,14 +296,15 @@ class Program:
 
 @dataclass
 class Workspace:
-    """Matrices and lengths of the substeps, whole samples of input delay, and flat memory.
+    """Matrices and lengths of the substeps, lanes in use, whole samples of delay, flat memory.
 
     `linear` is A, B, G of the motor with the lane last, or empty where no law needs them.  See
     `motor_sysid.physics.kernel.run_block` for shapes.
     """
 
-    matrices: tuple[Array, Array, Array, Array]
+    matrices: tuple[Array, Array, Array]
     width: Array
+    wide: int
     late: NDArray[np.int64]
     buffer: Array
     linear: tuple[Array, Array, Array]
@@ -352,6 +354,20 @@ def simulate(
     values = {name: np.array([value]) for name, value in model.parameters.values().items()}
     run = program.run(values, drive, state, substeps=substeps)
     return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})
+
+
+def _joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
+    """Return what the kernel multiplies: all of the predictor side by side, and both force parts.
+
+    One set of matrices is given for each piece of a sample.
+    """
+    e, input_part, force_part, force_slope = (
+        np.stack(same) for same in zip(*matrices, strict=True)
+    )
+    columns = (e, input_part, force_part)
+    missing = -sum(part.shape[2] for part in columns) % CHUNK
+    whole = np.concatenate((*columns, np.zeros((*e.shape[:2], missing, LANES))), axis=2)
+    return whole, force_part, force_slope
 
 
 def _lane_last(matrix: Array) -> Array:

@@ -1,0 +1,178 @@
+"""How long a diagnosis of a minute at 1 kHz takes, cold and warm, and where the time goes.
+
+    .venv/bin/python bench/diagnosis_speed.py --json speed.json
+    .venv/bin/python bench/diagnosis_speed.py --case friction_cogging --seconds 60 --rate 1000
+
+Cold is a fresh process with compiled code on disk, imports included; warm is the second diagnosis
+in that process.  The records come from the benchmark's own simulator: one closed-loop run of a
+20 W motor with encoder and current sensor, the last fifth held back.  CPU time stands beside wall
+time: on a busy machine the first is the one to compare.  The ratio is wall time to the limit.
+"""
+
+import argparse
+from collections.abc import Iterator
+from contextlib import contextmanager
+import json
+import os
+from pathlib import Path
+import subprocess
+import sys
+import time
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path.insert(0, str(ROOT))
+
+CASES = {
+    'complete': (),
+    'friction_cogging': ('coulomb_friction', 'cogging_torque'),
+    'flexible_shaft': ('flexible_shaft',),
+}
+SIZE = 0.1
+LIMITS = {'cold': 10.0, 'warm': 4.0}
+"""s, on two cores."""
+
+
+def main() -> None:
+    """Run every case in a process of its own and print its figures."""
+    args = arguments()
+    if args.child:
+        print(json.dumps(measure(args.child, args.seconds, args.rate, args.seed)))  # noqa: T201
+        return
+    names = [args.case] if args.case else list(CASES)
+    found = {name: in_fresh_process(name, args) for name in names}
+    for name, result in found.items():
+        show(name, result)
+    if args.json:
+        args.json.write_text(json.dumps(found, indent=1) + '\n')
+
+
+def arguments() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument('--case', choices=CASES)
+    parser.add_argument('--seconds', type=float, default=60.0)
+    parser.add_argument('--rate', type=float, default=1000.0)
+    parser.add_argument('--seed', type=int, default=3)
+    parser.add_argument('--json', type=Path)
+    parser.add_argument('--child', choices=CASES, help=argparse.SUPPRESS)
+    return parser.parse_args()
+
+
+def in_fresh_process(case: str, args: argparse.Namespace) -> dict[str, object]:
+    """Measure a case twice: the first process fills the caches, the second is the cold one."""
+    command = [
+        sys.executable, __file__, '--child', case, '--seconds', str(args.seconds),
+        '--rate', str(args.rate), '--seed', str(args.seed),
+    ]  # fmt: skip
+    fill = [*command]
+    fill[fill.index('--seconds') + 1] = '5'
+    subprocess.run(fill, check=True, capture_output=True)
+    done = subprocess.run(command, check=True, capture_output=True, text=True)
+    result: dict[str, object] = json.loads(done.stdout.splitlines()[-1])
+    return result
+
+
+def measure(case: str, seconds: float, rate: float, seed: int) -> dict[str, object]:
+    """Diagnose a case twice in this process; the first time counts the imports, too."""
+    begun = time.perf_counter(), time.process_time()
+    import motor_sysid.diagnosis.diagnose as _  # noqa: F401
+
+    loading = time.perf_counter() - begun[0], time.process_time() - begun[1]
+    record = closed_loop(CASES[case], seconds, rate, seed)
+    cold = timed(record)
+    cold['wall_s'] += loading[0]
+    cold['cpu_s'] += loading[1]
+    cold['stages'] = {'imports': loading[0], **cold['stages']}
+    return {'cold': cold, 'warm': timed(record), 'load': os.getloadavg()[0], 'samples': len(record)}
+
+
+def closed_loop(effects: tuple[str, ...], seconds: float, rate: float, seed: int):  # type: ignore[no-untyped-def]
+    """Return the record of a motor with hidden effects under PI speed control."""
+    import numpy as np
+
+    from motor_sysid.benchmark.cases import slow_time
+    from motor_sysid.benchmark.datasheets import DataSheet
+    from motor_sysid.benchmark.excitation import random_steps
+    from motor_sysid.benchmark.hidden import HIDE, Situation
+    from motor_sysid.benchmark.plant import Plant
+    from motor_sysid.benchmark.sensors import measure as sensed, Sensors
+    from motor_sysid.benchmark.truth import Control, run
+
+    rng = np.random.default_rng(seed)
+    sheet = DataSheet('20 W', '', 24.0, 3.99, 556e-6, 35.2e-3, 45.3e-7, 43e-3)
+    drag = 0.04 * sheet.torque / sheet.top_speed
+    plant = Plant(sheet.R, sheet.L, sheet.k, 3 * sheet.J, drag)
+    for key in effects:
+        plant = HIDE[key](plant, SIZE, Situation(sheet, seconds, 1.0), rng)
+    slow, dt = slow_time(plant), 1 / rate
+    time_s = dt * np.arange(round(seconds * rate))
+    reference = 0.4 * sheet.top_speed * random_steps(time_s, slow, rng)
+    control = Control(
+        reference, 2 * plant.k, 2 * plant.k / slow, sheet.voltage, sheet.voltage / 1000, 2048
+    )
+    noise = 0.006 * sheet.current
+    sensors = Sensors(2048, 0.0, noise, 20 * sheet.current / 4096, noise, position=True)
+    return sensed(run(plant, control, dt), sensors, dt, rng, reference)
+
+
+def timed(record) -> dict[str, object]:  # type: ignore[no-untyped-def]
+    """Diagnose once; return seconds, stages, simulated steps, and what was found."""
+    from motor_sysid.diagnosis import diagnose
+
+    marks: list[tuple[str, float]] = [('preparing', time.perf_counter())]
+    with counted() as steps:
+        wall, cpu = time.perf_counter(), time.process_time()
+        found = diagnose(
+            [record], progress=lambda text: marks.append((text, time.perf_counter()))
+        )
+        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
+    ends = [mark[1] for mark in marks[1:]] + [time.perf_counter()]
+    stages: dict[str, float] = {}
+    for (text, start), end in zip(marks, ends, strict=True):
+        name = 'adding and pruning' if text.startswith('adding') else text
+        stages[name] = stages.get(name, 0.0) + end - start
+    return {
+        'wall_s': wall, 'cpu_s': cpu, 'stages': stages, 'particle_steps': steps[0],
+        'verdict': found.verdict.value, 'effects': list(found.effects),
+        'error_percent': found.steps[-1].validation_error_percent,
+        'floor_percent': found.noise_floor_percent,
+    }  # fmt: skip
+
+
+@contextmanager
+def counted() -> Iterator[list[int]]:
+    """Count samples times parameter vectors that are simulated inside the block."""
+    from motor_sysid.physics.rollout import Program
+
+    total, original = [0], Program.run_chain
+
+    def run_chain(self, values, drives, initials, **options):  # type: ignore[no-untyped-def]
+        lanes = max(value.size for value in values.values())
+        total[0] += lanes * sum(len(drive.inputs) for drive in drives)
+        return original(self, values, drives, initials, **options)
+
+    Program.run_chain = run_chain  # type: ignore[method-assign]
+    try:
+        yield total
+    finally:
+        Program.run_chain = original  # type: ignore[method-assign]
+
+
+def show(name: str, result: dict[str, object]) -> None:
+    """Print one case."""
+    print(f'{name}: {result["samples"]} samples, load {result["load"]:.1f}')  # noqa: T201
+    for which, limit in LIMITS.items():
+        run = result[which]
+        assert isinstance(run, dict)
+        lines = [
+            f'  {which}: {run["wall_s"]:.2f} s wall, {run["cpu_s"]:.2f} s CPU, '
+            f'{run["wall_s"] / limit:.2f} of the limit of {limit:g} s; '
+            f'{run["particle_steps"] / 1e6:.1f} million steps; '
+            f'{run["verdict"]} {run["effects"]}'
+        ]
+        lines += [f'    {seconds:7.2f} s  {stage}' for stage, seconds in run['stages'].items()]
+        print('\n'.join(lines))  # noqa: T201
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,152 @@
+"""The implicit part of a time step: stiff laws at the end of the step.
+
+A stiff law reads the own state of its equation.  With the change ``c`` of that state without the
+law's own answer to it, and the weight ``w`` of its force, the change ``d`` solves
+
+    d = c + w (f(x + d) - f(x)).
+
+A regula falsi in the bracket between 0 and c finds it, with the Illinois rule (Dowell and Jarratt
+1971, doi:10.1007/BF01934364), in all lanes at once: a law that damps has one root there, however
+steep it is.  Every choice is a select, not a branch, so that the loops are vectorized.
+"""
+
+from numba import njit
+
+from motor_sysid.physics.native import call_lane, LANES
+
+TRIALS = 60
+"""Most evaluations that the implicit step may take; it needs one to four."""
+
+HARD = 0.25
+"""Stiffness of a law over one substep above which the step is taken fully implicit."""
+
+CLOSE = 1e-5
+"""Error of the implicit step, relative to it, that is good enough."""
+
+_OPEN = 1e300
+
+# rows of the work memory of one solution
+JUMP = 0
+_PREDICTED = 1 * LANES
+_CHANGE = 2 * LANES
+_START = 3 * LANES
+_WEIGHT = 4 * LANES
+_D = 5 * LANES
+_LOW = 6 * LANES
+_HIGH = 7 * LANES
+_G_LOW = 8 * LANES
+_G_HIGH = 9 * LANES
+_SIDE = 10 * LANES
+ROWS = 11
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def call_stiff(wide, base, calls, count, forces, j):  # type: ignore[no-untyped-def]
+    """Call the stiff laws of equation `j`."""
+    address, own, state = calls
+    for i in range(count):
+        if forces[i] == j:
+            call_lane(address[i], base, own[i], state[i], wide)  # type: ignore[call-arg]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def secants(  # type: ignore[no-untyped-def]
+    wide, p, base, calls, count, forces, state_rows, force_rows, own_state, x, predicted, begun,
+    secant,
+):  # fmt: skip
+    """Set `secant` (m, W) to the slope of each equation's stiff laws in its own state, or zero.
+
+    The state `x` (n, W) is loaded; `begun` (m, W) holds the stiff laws there.
+    """
+    for j in range(own_state.shape[0]):
+        own, target = own_state[j], force_rows[j] * LANES
+        row = state_rows[own] * LANES
+        for k in range(wide):
+            p[target + k] = 0.0
+            p[row + k] = predicted[own, k]
+        call_stiff(wide, base, calls, count, forces, j)
+        for k in range(wide):
+            moved = predicted[own, k] - x[own, k]
+            slope = (p[target + k] - begun[j, k]) * moved / (moved * moved + 1e-30)
+            secant[j, k] = min(slope, 0.0)
+        for k in range(wide):
+            p[row + k] = x[own, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def prepare(  # type: ignore[no-untyped-def]
+    wide, w, j, own, predicted, change, begun, start, secant, phi1_force, phi2_force, hard
+):  # fmt: skip
+    """Fill the work memory `w` (11, W) of equation `j`; return how many lanes are hard.
+
+    `change` (m, W) is the change of all forces over the step, `begun` and `start` the stiff laws
+    at its beginning and at the predicted state; `hard` (m, W) gets 1 where a lane is, else 0.
+    """
+    for k in range(wide):
+        w[_CHANGE + k] = 0.0
+        w[_PREDICTED + k] = predicted[own, k]
+        w[_START + k] = start[j, k]
+    for i in range(change.shape[0]):
+        for k in range(wide):
+            w[_CHANGE + k] += phi2_force[own, i, k] * change[i, k]
+    count = 0
+    for k in range(wide):
+        p2, p1, steep = phi2_force[own, j, k], phi1_force[own, j, k], secant[j, k]
+        stiff = -p2 * steep > HARD
+        weight = p1 if stiff else p2
+        c = w[_CHANGE + k] + (weight - p2) * (w[_START + k] - begun[j, k])
+        hard[j, k] = 1.0 if stiff else 0.0
+        w[JUMP + k] = begun[j, k]
+        w[_WEIGHT + k] = weight
+        w[_CHANGE + k] = c
+        w[_LOW + k], w[_HIGH + k] = 0.0, c
+        w[_G_LOW + k], w[_G_HIGH + k] = -c, _OPEN
+        w[_SIDE + k] = 0.0
+        w[_D + k] = c / (1.0 - weight * steep)
+        count += 1 if stiff else 0
+    return count
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def settle(wide, p, base, calls, count, forces, j, row, target, w):  # type: ignore[no-untyped-def]
+    """Solve for the end of the step; row `JUMP` of `w` gets the change of the stiff laws.
+
+    `row` and `target` are the places in the buffer of the own state and of the force.
+    """
+    for trial in range(TRIALS):
+        for k in range(wide):
+            p[target + k] = 0.0
+            p[row + k] = w[_PREDICTED + k] + w[_D + k]
+        call_stiff(wide, base, calls, count, forces, j)
+        if narrow(wide, p, target, w, trial == 0) == 0:
+            break
+    for k in range(wide):
+        w[JUMP + k] = p[target + k] - w[JUMP + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
+    """Take one step of the regula falsi in every lane that is not there; return how many."""
+    left = 0
+    for k in range(wide):
+        d, c, predicted = w[_D + k], w[_CHANGE + k], w[_PREDICTED + k]
+        g = d - c - w[_WEIGHT + k] * (p[target + k] - w[_START + k])
+        far = abs(g) >= CLOSE * (abs(c) + 1e-4 * abs(predicted) + 1e-300)
+        above = (g > 0.0) == (c > 0.0)
+        side = w[_SIDE + k]
+        low, high, g_low, g_high = w[_LOW + k], w[_HIGH + k], w[_G_LOW + k], w[_G_HIGH + k]
+        g_low = g_low * (0.5 if side > 0.0 else 1.0) if above else g
+        g_high = g if above else g_high * (0.5 if side < 0.0 else 1.0)
+        low = low if above else d
+        high = d if above else high
+        gap = g_high - g_low
+        inside = high - g_high / gap * (high - low)
+        halved = g_high > 1e299 or gap == 0.0
+        following = 0.5 * (low + high) if halved else inside
+        stops = first and d * (predicted + d) > 0.0 and -predicted * c > 0.0
+        following = -predicted if stops else following
+        w[_LOW + k], w[_HIGH + k], w[_G_LOW + k], w[_G_HIGH + k] = low, high, g_low, g_high
+        w[_SIDE + k] = 1.0 if above else -1.0
+        w[_D + k] = following if far else d  # a lane that is there stays, whatever the others do
+        left += 1 if far else 0
+    return left
