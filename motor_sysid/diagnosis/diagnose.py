@@ -1,6 +1,6 @@
 """The pipeline: fit, score, refit, gate, add, prune until nothing helps; then the verdict."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     climb,
+    gain_in_bic,
     MIN_DELTA_BIC,
     polish,
     profile_cost,
@@ -19,11 +20,12 @@ from motor_sysid.diagnosis.refit import (
     Rung,
     Trial,
     try_effect,
+    try_pair,
 )
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.score import score, variants
+from motor_sysid.diagnosis.score import score, Scores, variants
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
@@ -38,6 +40,9 @@ RIVAL_SHARE = 0.02
 AT_NOISE = 1.1
 """A rival is as good if its BIC is within 10; or within 2 % of the winner's gain, where even the
 winner leaves more than noise: what remains may then favour either of them by chance."""
+
+ALTERNATIVE = 0.8
+"""Share of an effect's gain that another one must promise to be tried in its place."""
 
 SPECIAL_SHARE = 0.5
 """A special case goes first if it explains this share of what its generalisation explains."""
@@ -142,12 +147,20 @@ class _Engine:
         """Climb until nothing helps."""
         ladder: list[tuple[Rung, list[Trial]]] = []
         rivals: dict[str, tuple[str, ...]] = {}
+        start, reconsidered = rung.model.effects, False
         while True:
             trials = self.round(rung)
             ladder.append((rung, trials))
             passing = [t for t in trials if t.passes]
-            if not passing or len(ladder) > self.settings.max_effects:
+            if len(ladder) > self.settings.max_effects:
                 break
+            if not passing:
+                other = None if reconsidered else self.reconsider(rung, start, rivals)
+                if other is None:
+                    break
+                rung, self.bench = refined(other, self.bench)
+                reconsidered = True
+                continue
             winner = _winner(passing)
             rivals[winner.key] = _rivals(winner, passing)
             self.tell(
@@ -161,21 +174,67 @@ class _Engine:
 
     def round(self, rung: Rung) -> list[Trial]:
         """Score every candidate, refit the best, and return them with their evidence."""
+        scores = self.score(rung)
+        trials: list[Trial] = []
+        for starts in best_per_effect(scores.singles, self.settings.refits):
+            if starts[0].delta_bic > 0.0 or not trials:
+                self.tell(f'refitting with {starts[0].variant.effect.card.title}')
+                trials.append(try_effect(starts, rung, self.bench, scores.weighting))
+        trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
+        return trials
+
+    def score(self, rung: Rung) -> Scores:
+        """Score every candidate on a fitted model."""
         problem = self.bench.problem(rung.model)
         scales = self.bench.scales
         proposed = proposals(rung.model, self.train_records, self.candidates, scales)
         tried = list(variants(rung.model, scales, self.candidates, proposed))
-        if not tried:
-            return []
         self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
-        scores, weighting = score(problem, problem.vector(), tried)
-        trials: list[Trial] = []
-        for starts in best_per_effect(scores, self.settings.refits):
-            if starts[0].delta_bic > 0.0 or not trials:
-                self.tell(f'refitting with {starts[0].variant.effect.card.title}')
-                trials.append(try_effect(starts, rung, self.bench, weighting))
-        trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
-        return trials
+        return score(problem, problem.vector(), tried)
+
+    def reconsider(
+        self, rung: Rung, start: Sequence[str], rivals: dict[str, tuple[str, ...]]
+    ) -> Rung | None:
+        """Return a better model in which one effect gives way to another one, or to two.
+
+        Effects were added one by one; what explained most alone need not be part of the truth.
+        Another effect that does as well is noted in `rivals`.
+        """
+        own = [key for key in rung.model.effects if key not in start]
+        for key in own:
+            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
+            scores = self.score(slim)
+            mine = gain_in_bic(slim.model, rung.model, self.bench, scores.weighting)
+            if len(own) > 1:
+                for trial in self.substitutes(key, slim, scores, mine):
+                    if trial.delta_bic > mine + RIVAL_BIC:
+                        self.tell(f'{trial.key} does better than {key}')
+                        return climb(trial.rung.model, self.bench, rung.result.weighting)
+                    if trial.key not in rivals.get(key, ()):
+                        rivals[key] = (*rivals.get(key, ()), trial.key)
+            for pair in scores.pairs[:1]:
+                keys = [one.variant.effect.key for one in pair]
+                if key in keys or pair[0].gain < ALTERNATIVE * mine:
+                    continue
+                tried, gain = try_pair(pair, slim, self.bench, scores.weighting)
+                if gain > mine + RIVAL_BIC and tried.held.error_percent < rung.held.error_percent:
+                    self.tell(f'{" and ".join(keys)} together do better than {key}')
+                    return climb(tried.model, self.bench, rung.result.weighting)
+        return None
+
+    def substitutes(
+        self, key: str, slim: Rung, scores: Scores, gain: float
+    ) -> Iterator[Trial]:
+        """Yield what explains the data as well as an effect that was taken out, or better."""
+        related = {key, *effect(key).card.generalises}
+        others = [s for s in scores.singles if s.variant.effect.key not in related]
+        for starts in best_per_effect(others, 2):
+            if key not in starts[0].variant.effect.card.generalises and (
+                starts[0].delta_bic > ALTERNATIVE * gain
+            ):
+                trial = try_effect(starts, slim, self.bench, scores.weighting)
+                if trial.passes and trial.delta_bic > gain - RIVAL_BIC:
+                    yield trial
 
     def prune(self, rung: Rung) -> Rung:
         """Drop effects that later ones have made superfluous."""

@@ -108,5 +108,5 @@ def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
             'or no order stands out of the data'
         )
     problem = bench.problem(rung.model)
-    scores, weighting = score(problem, problem.vector(), found)
-    return try_effect(best_per_effect(scores, 1)[0], rung, bench, weighting)
+    scores = score(problem, problem.vector(), found)
+    return try_effect(best_per_effect(scores.singles, 1)[0], rung, bench, scores.weighting)

@@ -32,10 +32,17 @@ MANY = 4
 """Variants above which an effect is refitted from several of them."""
 
 BLOCKS = 20
-MIN_BLOCKS = 0.6
-CERTAIN_BLOCKS = 0.9
-"""Share of held-out blocks in which the error must fall; and in which the whitened error must fall
-before a first effect is believed whose gain is lost in the noise of the sensors."""
+MIN_STEADY = 0.75
+"""Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
+they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
+
+CERTAIN_GAIN, CERTAIN_STEADY, CERTAIN_T = 10.0, 0.9, 3.0
+"""An effect whose gain is lost in the noise of the sensors is believed if the whitened held-out
+error falls by this much and either steadily, or by so many standard errors of its block means."""
+
+MIN_SHARE, MIN_FURTHER_SHARE = 0.1, 0.5
+"""Share of all that the whole dictionary could still explain, which such a small effect must
+explain alone: the first one, and further ones, which may be the misfit of the first."""
 
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""
@@ -80,8 +87,8 @@ class Trial:
         Gain in BIC under the noise model that the whole dictionary leaves.
     gain_percent:
         Relative decrease of the held-out error.
-    blocks:
-        Share of held-out blocks in which the error fell.
+    steady:
+        Steadiness of that decrease over held-out blocks, 0 to 1; see `MIN_STEADY`.
     note:
         Why it does not pass, or empty.
     excess:
@@ -92,7 +99,7 @@ class Trial:
     rung: Rung
     delta_bic: float
     gain_percent: float
-    blocks: float
+    steady: float
     note: str
     excess: float
 
@@ -180,6 +187,29 @@ def try_effect(
     return max(trials, key=lambda t: (t.delta_bic, t.passes))
 
 
+def try_pair(
+    pair: tuple[Scored, Scored], rung: Rung, bench: Bench, weighting: Weighting
+) -> tuple[Rung, float]:
+    """Refit two effects together; return the fit and its gain in BIC."""
+    first, second = pair
+    other = second.variant
+    tried = first.variant.model.with_effect(other.effect.key, other.values, bench.scales)
+    fixed = tried.with_free([f'{other.effect.key}.{name}' for name in other.values], free=False)
+    model = _opened(_opened(fixed, rung.model, first), rung.model, second)
+    new = climb(model, bench, rung.result.weighting, briefly=True)
+    if not np.isfinite(new.result.cost + new.held.error_percent):
+        return new, -np.inf
+    return new, gain_in_bic(rung.model, new.model, bench, weighting)
+
+
+def gain_in_bic(before: Model, after: Model, bench: Bench, weighting: Weighting) -> float:
+    """Return the gain in BIC from one fitted model to another one with more parameters."""
+    old, rows = profile_cost(before, bench, weighting)
+    new, _ = profile_cost(after, bench, weighting)
+    extra = len(after.parameters.free) - len(before.parameters.free)
+    return old - new - extra * float(np.log(rows))
+
+
 def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
     """Refit a variant with every parameter free and pass it through the gates."""
     variant = scored.variant
@@ -192,12 +222,14 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
     before, rows = profile_cost(rung.model, bench, weighting)
     after, _ = profile_cost(new.model, bench, weighting)
     extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
-    delta = before - after - extra * np.log(rows)
+    delta = before - after - extra * float(np.log(rows))
     gain = 100 * (1 - _combined(new.held, rung.held))
-    blocks = _blocks_improved(rung.held, new.held)
-    certain = not rung.model.effects and _certain(rung.held, new.held, weighting)
-    note = _gate(scored, new, rung, delta, gain, blocks, certain)
-    return Trial(scored, new, float(delta), gain, blocks, note, after / rows)
+    steady = _steady(rung.held, new.held)
+    share = (before - after) / max(before - rows, 1e-300)
+    small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
+    certain = small and _certain(rung.held, new.held, weighting)
+    note = _gate(scored, new, rung, delta, gain, steady, certain)
+    return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 
 def _impossible(scored: Scored) -> bool:
@@ -231,28 +263,33 @@ def _combined(now: Comparison, before: Comparison) -> float:
     return float(np.sqrt(np.mean(parts)))
 
 
-def _blocks_improved(before: Comparison, after: Comparison) -> float:
+def _steady(before: Comparison, after: Comparison) -> float:
+    """Return the steadiness of the gain, with each channel in units of its error before."""
     size = np.sqrt(np.mean(np.concatenate(before.residuals) ** 2, axis=0)) + 1e-300
-    better, count = 0, 0
-    total = sum(len(r) for r in before.residuals)
-    for old, new in zip(before.residuals, after.residuals, strict=True):
-        pieces = max(round(BLOCKS * len(old) / total), 1)
-        for a, b in zip(np.array_split(old, pieces), np.array_split(new, pieces), strict=True):
-            better += bool(np.sum((b / size) ** 2) < np.sum((a / size) ** 2))
-            count += 1
-    return better / count
+    pairs = zip(before.residuals, after.residuals, strict=True)
+    gains = [np.sum((a / size) ** 2 - (b / size) ** 2, axis=1) for a, b in pairs]
+    return _steadiness(_blocks(gains))
 
 
 def _certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
     """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
-    gains = []
-    total = sum(len(r) for r in before.residuals)
-    for old, new in zip(before.residuals, after.residuals, strict=True):
-        a, b = (weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in (old, new))
-        pieces = max(round(BLOCKS * len(old) / total), 1)
-        gains += [float(np.sum(part)) for part in np.array_split(a - b, pieces)]
-    steady = np.mean(np.array(gains) > 0) >= CERTAIN_BLOCKS
-    return bool(sum(gains) > MIN_DELTA_BIC and steady)
+    pairs = zip(before.residuals, after.residuals, strict=True)
+    squares = [[weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in pair] for pair in pairs]
+    gains = _blocks([a - b for a, b in squares])
+    error = float(gains.std(ddof=1)) / np.sqrt(gains.size) if gains.size > 1 else np.inf
+    sure = _steadiness(gains) >= CERTAIN_STEADY or gains.mean() > CERTAIN_T * error
+    return bool(gains.sum() > CERTAIN_GAIN and sure)
+
+
+def _blocks(gains: Sequence[Array]) -> Array:
+    """Return sums over about `BLOCKS` blocks of equal length."""
+    total = sum(g.size for g in gains)
+    pieces = [np.array_split(g, max(round(BLOCKS * g.size / total), 1)) for g in gains]
+    return np.array([float(np.sum(piece)) for group in pieces for piece in group])
+
+
+def _steadiness(gains: Array) -> float:
+    return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
 def _gate(
@@ -261,7 +298,7 @@ def _gate(
     old: Rung,
     delta: float,
     gain: float,
-    blocks: float,
+    steady: float,
     certain: bool,
 ) -> str:
     card = scored.variant.effect.card
@@ -279,8 +316,8 @@ def _gate(
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if old.model.effects else MIN_GAIN_PERCENT):
         return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
-    if blocks < MIN_BLOCKS:
-        return f'helps only in {100 * blocks:.0f} % of the held-out data'
+    if steady < MIN_STEADY:
+        return 'helps in some of the held-out data and harms in other'
     return ''
 
 

@@ -8,8 +8,8 @@ dictionary leaves: fitted to the residual itself, the noise model would swallow 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
+from dataclasses import dataclass, replace
+from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +25,8 @@ Array = NDArray[np.float64]
 
 PASSES = 3
 AR_ORDER = 12
+EACH, PAIRS = 3, 3
+"""Variants of each effect that are paired with others; pairs that are told."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,26 @@ class Scored:
     overlap: float
 
 
+@dataclass(frozen=True)
+class Scores:
+    """What scoring finds.
+
+    Attributes
+    ----------
+    singles:
+        Variants, best first.
+    pairs:
+        The best pairs of variants of two effects that have nothing to do with each other, best
+        first, each with the amplitudes that the two have together.
+    weighting:
+        The noise model that the whole dictionary leaves.
+    """
+
+    singles: list[Scored]
+    pairs: list[tuple[Scored, Scored]]
+    weighting: Weighting
+
+
 def variants(
     model: Model, scales: Scales, effects: Sequence[Effect], orders: Sequence[int]
 ) -> Iterator[Variant]:
@@ -115,9 +137,7 @@ def _choices(
         yield dict(choice)
 
 
-def score(
-    problem: Problem, z: Array, tried: Sequence[Variant]
-) -> tuple[list[Scored], Weighting]:
+def score(problem: Problem, z: Array, tried: Sequence[Variant]) -> Scores:
     """Score variants on a fitted model.
 
     Parameters
@@ -127,9 +147,6 @@ def score(
     tried:
         Variants to score.
 
-    Returns
-    -------
-    The scores, best first, and the noise model that the whole dictionary leaves.
     """
     near = problem.linearize(z)
     columns = [_columns(problem, near, variant) for variant in tried]
@@ -149,15 +166,18 @@ def score(
     residual, base, dictionary = np.split(joined, [1, 1 + problem.dimension], axis=1)
     q, _ = np.linalg.qr(base)
     residual = (residual - q @ (q.T @ residual))[:, 0]
-    scored, first = [], 0
+    scored, parts, first = [], [], 0
     family = {v.effect.key: sum(o.effect.key == v.effect.key for o in tried) for v in tried}
     for variant, column in zip(tried, columns, strict=True):
         width = column[0].shape[2]
         raw = dictionary[:, first : first + width]
         first += width
-        scored.append(_score(variant, raw, raw - q @ (q.T @ raw), residual, family, base.shape[1]))
+        part = _Part.of(raw, raw - q @ (q.T @ raw))
+        scored.append(_score(variant, raw, part, residual, family))
+        parts.append(part)
+    found = best_pairs(scored, parts, residual)
     scored.sort(key=lambda s: -s.delta_bic)
-    return scored, weighting
+    return Scores(scored, found, weighting)
 
 
 def _columns(
@@ -202,26 +222,40 @@ def _whitened(
     return coloured(left, AR_ORDER)
 
 
+@dataclass(frozen=True)
+class _Part:
+    """What a variant can do that base parameters cannot.
+
+    Attributes
+    ----------
+    basis:
+        (N, m) orthonormal.
+    back:
+        (a, m) from coordinates in that basis to the variant's amplitudes.
+    """
+
+    basis: Array
+    back: Array
+
+    @classmethod
+    def of(cls, raw: Array, beyond: Array) -> '_Part':
+        size = np.linalg.norm(raw, axis=0)
+        size[size == 0] = 1.0
+        u, s, vt = np.linalg.svd(beyond / size, full_matrices=False)
+        kept = s > 1e-3
+        return cls(u[:, kept], (vt[kept].T / s[kept]) / size[:, np.newaxis])
+
+
 def _score(
-    variant: Variant,
-    raw: Array,
-    beyond: Array,
-    residual: Array,
-    family: Mapping[str, int],
-    base_count: int,
+    variant: Variant, raw: Array, part: _Part, residual: Array, family: Mapping[str, int]
 ) -> Scored:
-    size = np.linalg.norm(raw, axis=0)
-    size[size == 0] = 1.0
-    u, s, vt = np.linalg.svd(beyond / size, full_matrices=False)
-    kept = s > 1e-3
-    along = u.T @ residual
-    gain = float(np.sum(along[kept] ** 2))
-    solution = (vt[kept].T @ (along[kept] / s[kept])) / size
+    along = part.basis.T @ residual
+    gain = float(np.sum(along**2))
+    solution = part.back @ along
     names = [p.name for p in variant.model.parameters.free]
     amplitudes, allowed = _amplitudes(variant, names, solution)
-    price = np.sum(kept) * np.log(residual.size) + 2 * np.log(family[variant.effect.key])
-    fitted = u[:, kept] @ along[kept]
-    length = float(np.linalg.norm(fitted))
+    price = along.size * np.log(residual.size) + 2 * np.log(family[variant.effect.key])
+    length = float(np.linalg.norm(along))
     whole = float(np.linalg.norm(raw @ solution))
     return Scored(
         variant,
@@ -231,6 +265,56 @@ def _score(
         allowed,
         1.0 - min(length / whole, 1.0) ** 2 if whole > 0 else 1.0,
     )
+
+
+def best_pairs(
+    scored: Sequence[Scored], parts: Sequence[_Part], residual: Array
+) -> list[tuple[Scored, Scored]]:
+    """Return the pairs that explain most together, best first.
+
+    Of each effect the three best variants are looked at.  What two effects explain together cannot
+    be told from what each explains alone: a third one may look better than both.
+    """
+    order = sorted(range(len(scored)), key=lambda k: -scored[k].delta_bic)
+    taken: dict[str, int] = {}
+    chosen = []
+    for k in order:
+        key = scored[k].variant.effect.key
+        taken[key] = taken.get(key, 0) + 1
+        if taken[key] <= EACH and parts[k].basis.shape[1]:
+            chosen.append(k)
+    found = []
+    for k, m in combinations(chosen, 2):
+        if _related(scored[k].variant.effect, scored[m].variant.effect):
+            continue
+        a, b = parts[k].basis, parts[m].basis
+        along_a, along_b, cross = a.T @ residual, b.T @ residual, a.T @ b
+        width = along_a.size
+        gram = np.eye(width + along_b.size)
+        gram[:width, width:], gram[width:, :width] = cross, cross.T
+        along = np.concatenate((along_a, along_b))
+        both = np.linalg.lstsq(gram, along, rcond=1e-6)[0]
+        gain = float(both @ along)
+        pair = _with_amplitudes(scored[k], parts[k].back @ both[:width], gain), _with_amplitudes(
+            scored[m], parts[m].back @ both[width:], gain
+        )
+        if all(one.allowed for one in pair):
+            price = sum(s.gain - s.delta_bic for s in (scored[k], scored[m]))
+            found.append((gain - price, pair))
+    found.sort(key=lambda one: -one[0])
+    return [pair for _, pair in found[:PAIRS]]
+
+
+def _related(one: Effect, other: Effect) -> bool:
+    """Whether two variants are of one effect, or of one and what generalises it."""
+    families = [{e.key, *e.card.generalises} for e in (one, other)]
+    return bool(families[0] & families[1])
+
+
+def _with_amplitudes(one: Scored, solution: Array, gain: float) -> Scored:
+    names = [p.name for p in one.variant.model.parameters.free]
+    amplitudes, allowed = _amplitudes(one.variant, names, solution)
+    return replace(one, amplitudes=amplitudes, allowed=allowed, gain=gain)
 
 
 def _amplitudes(
