@@ -3,8 +3,8 @@
 from collections.abc import Callable, Mapping, Sequence
 
 from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
+from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, climb, Rung, Trial, try_effect
-from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Where
 from motor_sysid.diagnosis.score import score, variants
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
@@ -100,12 +100,12 @@ def _prepared(
 def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
     train = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
     one = effect(key)
-    orders = likely_orders(rung.model, train) if one.card.orders else []
-    found = list(variants(rung.model, bench.scales, [one], orders))
+    proposed = proposals(rung.model, train, [one], bench.scales)
+    found = list(variants(rung.model, bench.scales, [one], proposed))
     if not found:
         raise UserError(
             f'`{key}` cannot be added: the model has it already, the motor lacks what it needs, '
-            'or no order stands out of the data'
+            'or no order, frequency or moment stands out of the data'
         )
     problem = bench.problem(rung.model)
     scores = score(problem, problem.vector(), found)

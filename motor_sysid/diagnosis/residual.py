@@ -48,8 +48,21 @@ def measured_states(model: Model, record: Record) -> dict[str, Array]:
         states['theta'] = drive.position
     inputs = [record[name] for name in input_signals(record, kind)]
     states.update(zip(kind.arguments, inputs, strict=True))
-    states['t'] = record.time
+    states['t'] = record.time - record.time[0]
+    asked = {name for key in model.effects for name in effect(key).needs()}
+    if any(f'd{force.own_state}' in asked for force in kind.forces):
+        states.update(rates_of(model, states, record.dt))
     return states
+
+
+def rates_of(model: Model, states: Mapping[str, Array], dt: float) -> dict[str, Array]:
+    """Return the rates of change (N,) of the measured own states of the equations, d + name."""
+    owns = [force.own_state for force in model.kind.forces]
+    return {
+        f'd{own}': savgol_filter(states[own], WINDOW, _DEGREE, deriv=1, delta=dt)
+        for own in owns
+        if own in states and states[own].size > WINDOW
+    }
 
 
 def unexplained(model: Model, record: Record) -> dict[str, Array]:
@@ -130,11 +143,12 @@ def _memory(
     """Integrate an effect's own states along measured states, one step a sample.
 
     Each state takes the newest value of those before it (semi-implicit Euler), which keeps a
-    spring and a mass from growing.
+    spring and a mass from growing; one that fades by itself does so exponentially.
     """
     one = effect(key)
     time = states['t']
     own = dict.fromkeys(one.card.states, 0.0)
+    own.update({s: float(states[x][0]) for s, x in one.card.begins.items() if x in states})
     path = {name: np.zeros(time.size) for name in own}
     names = {s: tuple(inspect.signature(rate).parameters) for s, rate in one.rates.items()}
     if any(n not in known and n not in own for wanted in names.values() for n in wanted):
@@ -148,26 +162,38 @@ def _memory(
     for k in range(time.size - 1):
         step = float(time[k + 1] - time[k])
         for s, rate in one.rates.items():
-            now = rate(*[own[n] if n in own else columns[n][k] for n in names[s]])
-            own[s] += float(now) * step
+            given = {n: own[n] if n in own else columns[n][k] for n in names[s]}
+            now = float(rate(*given.values()))
+            if s in given:
+                reach = step * abs(now) + 1e-9 * abs(own[s]) + 1e-30
+                given[s] = own[s] + reach
+                fade = max(step * (now - float(rate(*given.values()))) / reach, 1e-9)
+                now *= -np.expm1(-fade) / fade
+            own[s] += now * step
             path[s][k + 1] = own[s]
     return {s: np.nan_to_num(values, posinf=0.0, neginf=0.0) for s, values in path.items()}
 
 
-def likely_orders(model: Model, records: Sequence[Record], count: int = 5) -> list[int]:
+def likely_orders(
+    model: Model, records: Sequence[Record], count: int = 5, *, carrier: str = ''
+) -> list[int]:
     """Return the waves per turn that stand out of the unexplained torque, strongest first.
 
     The spectrum over rotor angle up to 400 waves per turn is divided by its own background (the
-    median over neighbouring orders); order 1 belongs to gravity.
+    median over neighbouring orders); order 1 belongs to gravity.  With a `carrier` the torque is
+    first multiplied by that state, by which the waves would be modulated.
     """
     spectrum = np.zeros(_TOP_ORDER + 1)
     for record in records:
         even = record.uniform()
         lacking = unexplained(model, even).get('torque')
-        angle = measured_states(model, even).get('theta') if lacking is not None else None
+        states = measured_states(model, even) if lacking is not None else {}
+        angle = states.get('theta')
         if lacking is None or angle is None or np.ptp(angle) < 2 * np.pi:
             continue
         usable = _slow_enough(even)
+        if carrier:
+            lacking = lacking * states.get(carrier, np.zeros(lacking.size))
         centred = lacking[usable] - np.mean(lacking[usable])
         place = np.floor(np.mod(angle[usable], 2 * np.pi) * (_ANGLE_BINS / (2 * np.pi)))
         turn = np.bincount(
@@ -178,7 +204,7 @@ def likely_orders(model: Model, records: Sequence[Record], count: int = 5) -> li
         [np.median(spectrum[max(n - 12, 1) : n + 13]) + 1e-300 for n in range(_TOP_ORDER + 1)]
     )
     height = spectrum / background
-    height[:2] = 0.0
+    height[: 1 if carrier else 2] = 0.0
     peaks = [n for n in np.argsort(-height)[: 3 * count].tolist() if height[n] > 8.0]
     return peaks[:count]
 

@@ -101,11 +101,16 @@ class Scores:
 
 
 def variants(
-    model: Model, scales: Scales, effects: Sequence[Effect], orders: Sequence[int]
+    model: Model,
+    scales: Scales,
+    effects: Sequence[Effect],
+    proposed: Mapping[str, Sequence[float]],
 ) -> Iterator[Variant]:
     """Give every effect that can be added to the fitted model, once for each choice of its shape.
 
-    `orders` are the waves per turn worth trying for effects that ask for them.
+    `proposed` gives, by key, values worth trying for shapes that the data are searched for; see
+    `motor_sysid.diagnosis.proposals`.  Effects that a free parameter of the motor covers are left
+    out.
     """
     frozen = model.with_free([p.name for p in model.parameters.free], free=False)
     for one in effects:
@@ -113,15 +118,17 @@ def variants(
             continue
         if any(one.key in effect(key).card.generalises for key in model.effects):
             continue
+        if any(p.name == one.card.covers for p in model.parameters.free):
+            continue
         inherits = any(special in model.effects for special in one.card.generalises)
-        for values in _choices(one, scales, orders):
+        for values in _choices(one, scales, proposed.get(one.key, ())):
             tried = frozen.with_effect(one.key, values, scales)
             fixed = [f'{one.key}.{name}' for name in values]
             yield Variant(one, values, tried.with_free(fixed, free=False), inherits)
 
 
 def _choices(
-    one: Effect, scales: Scales, orders: Sequence[int]
+    one: Effect, scales: Scales, proposed: Sequence[float]
 ) -> Iterator[dict[str, float]]:
     grids: list[list[tuple[str, float]]] = []
     for card in one.card.parameters:
@@ -129,8 +136,8 @@ def _choices(
         if isinstance(card, Amplitude):
             if card.trials:
                 grids.append([(card.name, t * size) for t in card.trials])
-        elif card.name == one.card.orders:
-            grids.append([(card.name, float(n)) for n in orders])
+        elif card.name in (one.card.orders, one.card.moment, one.card.frequency):
+            grids.append([(card.name, float(value)) for value in proposed])
         elif isinstance(card, Shape):
             grids.append([(card.name, s * size) for s in card.starts])
     for choice in product(*grids):

@@ -65,6 +65,12 @@ def bell(x: float, width: float) -> float:
 
 
 @law_function
+def sqrt(x: float) -> float:
+    """Square root of `x`."""
+    return np.sqrt(x)  # type: ignore[no-any-return]
+
+
+@law_function
 def clip(x: float, lower: float, upper: float) -> float:
     """`x` limited to ``[lower, upper]``."""
     return np.minimum(np.maximum(x, lower), upper)  # type: ignore[no-any-return]

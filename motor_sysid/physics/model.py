@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effect import Amplitude, Effect, Shape
+from motor_sysid.physics.effect import Amplitude, Effect, SENSORS, Shape
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.motors.base import Motor
@@ -92,7 +92,8 @@ class Model:
     ) -> 'Model':
         """Return the model with one effect more.
 
-        Effects that the new one generalises go, and it starts from their values.  `values` name
+        Effects that the new one generalises go, and it starts from their values; a parameter of
+        the motor that does the same is held from now on.  `values` name
         the effect's parameters without its key; the others start at zero (amplitudes) or at their
         first start (shapes).  With `scales` the boxes are those of the card; without, they are
         wide open.
@@ -122,7 +123,9 @@ class Model:
         added = [replace(p, unit=p.unit.replace('N m', torque)) for p in added]
         if self.linear:
             added = [_linear(p) for p in added]
-        parameters = slim.parameters.plus(added).with_values(
+        covered = [p.name for p in slim.parameters if p.name == new.card.covers]
+        kept = slim.parameters.with_free(covered, False)
+        parameters = kept.plus(added).with_values(
             {f'{key}.{name}': value for name, value in {**inherited, **(values or {})}.items()}
         )
         return replace(slim, effects=(*slim.effects, key), parameters=parameters)
@@ -130,10 +133,14 @@ class Model:
     def admits(self, one: Effect) -> bool:
         """Whether the effect makes sense for this motor: it asks for nothing that is not there.
 
-        Counts differenced over a sample have no offset and no wrong scale, and a linear axis has
-        no angle.
+        Counts differenced over a sample have no offset and no wrong scale, though they may be
+        filtered, and a linear axis has no angle.
         """
-        if self.speed_sensor is SpeedSensor.DIFFERENCE and 'speed_sensor' in one.laws:
+        shown = {f'{output.signal}_sensor' for output in self.kind.outputs}
+        if not set(one.laws) & set(SENSORS) <= shown:
+            return False
+        counted = self.speed_sensor is SpeedSensor.DIFFERENCE
+        if counted and 'speed_sensor' in one.laws and not one.card.states:
             return False
         return not one.needs() - self.kind.names() and not (self.linear and one.card.rotary)
 

@@ -23,23 +23,25 @@ _SMALL = 1e-2
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def own_slope(wide, p, base, s, call, offset, rate_row, reach, slope):  # type: ignore[no-untyped-def]
-    """Set `slope` (W,) to how fast own state `s` makes its own rate fall, never above zero.
+def own_slope(wide, p, base, s, call, offset, rate_row, work):  # type: ignore[no-untyped-def]
+    """Set ``work[1]`` to how fast own state `s` makes its own rate fall, never above zero.
 
-    `call` is (addresses, own parameters, own states) of all rates, `reach` (W,) the size of the
-    difference that is taken; the rates must have been evaluated.
+    `call` is (addresses, own parameters, own states) of all rates, ``work[0]`` the size of the
+    difference that is taken, ``work[2]`` memory; the rates must have been evaluated.
     """
     address, own, state = call
+    reach, slope, kept = work[0], work[1], work[2]
     for k in range(wide):
         slope[k] = p[rate_row + k]
         p[rate_row + k] = 0.0
-        p[offset + k] += reach[k]
+        kept[k] = p[offset + k]
+        p[offset + k] = kept[k] + reach[k]
     call_lane(address[s], base, own[s], state[s], wide)
     for k in range(wide):
         here = slope[k]
         slope[k] = min((p[rate_row + k] - here) / reach[k], 0.0)
         p[rate_row + k] = here
-        p[offset + k] -= reach[k]
+        p[offset + k] = kept[k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -49,7 +51,7 @@ def predict_own(  # type: ignore[no-untyped-def]
     """Move every own state to the end of the step under its rate at the start.
 
     Keeps value and rate at the start in `old` and `old_rate`, and what was reached in `ahead` (at
-    least S, W); `work` is (2, W).
+    least S, W); `work` is (3, W).
     """
     reach, slope = work[0], work[1]
     for s in range(offsets.shape[0]):
@@ -61,7 +63,7 @@ def predict_own(  # type: ignore[no-untyped-def]
         if fading[s]:
             for k in range(wide):
                 reach[k] = h[k] * abs(old_rate[s, k]) + 1e-9 * abs(old[s, k]) + 1e-30
-            own_slope(wide, p, base, s, call, offset, row, reach, slope)
+            own_slope(wide, p, base, s, call, offset, row, work)
             for k in range(wide):
                 ahead[s, k] = old[s, k] + h[k] * phi1(h[k] * slope[k]) * old_rate[s, k]
     for s in range(offsets.shape[0]):
@@ -84,7 +86,7 @@ def correct_own(  # type: ignore[no-untyped-def]
         for k in range(wide):
             both = abs(old_rate[s, k]) + abs(p[row + k])
             reach[k] = h[k] * both + 1e-9 * abs(old[s, k]) + 1e-30
-        own_slope(wide, p, base, s, call, offset, row, reach, slope)
+        own_slope(wide, p, base, s, call, offset, row, work)
         for k in range(wide):
             z, begun = h[k] * slope[k], old_rate[s, k]
             ended = p[row + k] - slope[k] * (p[offset + k] - old[s, k])

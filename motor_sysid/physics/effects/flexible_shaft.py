@@ -28,6 +28,7 @@ CARD = Card(
     ),
     axis='time',
     states=('phi', 'omega_l'),
+    begins={'omega_l': 'omega'},
     shrinks=('J',),
 )  # fmt: skip
 

@@ -1,0 +1,66 @@
+"""Play in a gear before the load: the teeth let go at every reversal and strike again.
+
+The flexible shaft with a gap: motor side ``J domega/dt = ... - T_s``, load side ``J_l domega_l/dt
+= T_s`` with ``T_s = J_l (w_a^2 d + 2 z w_a c (omega - omega_l))``, where ``d`` is the part of the
+twist ``phi`` beyond the gap and ``c`` tells whether the teeth touch (0 to 1, over a twentieth of
+the gap).  With the effect, ``J`` is the motor side alone.
+"""
+
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
+from motor_sysid.physics.laws import clip, law_function
+
+CARD = Card(
+    title='backlash',
+    equation='tau = -r J (w_a^2 d + 2 z w_a c dphi/dt),  dphi/dt = omega - omega_l,  '
+    'd = phi beyond +-phi_g',
+    symptom='At every reversal the motor runs free for a moment as if it had less inertia, then '
+    'strikes the load.',
+    reference='Nordin and Gutman, Automatica 38 (2002), Controlling mechanical systems with '
+    'backlash: a survey',
+    enters=Enters.MECHANICAL,
+    amplitudes=(
+        Amplitude('r', '1', 'inertia of the load over that of the motor', Scale.ONE, 20.0,
+                  positive=True),
+    ),
+    shapes=(
+        Shape('phi_g', 'rad', 'half of the play', Scale.ANGLE, (0.1, 0.4, 1.5), 2e-3, 50.0),
+        Shape('w_a', 'rad/s', 'stiffness of the teeth: antiresonance in contact', Scale.RATE,
+              (0.15, 0.5), 0.02, 1.2),
+        Shape('z', '1', 'damping ratio of the teeth', Scale.ONE, (0.4,), 0.01, 2.0),
+    ),
+    axis='time',
+    states=('phi', 'omega_l'),
+    begins={'omega_l': 'omega'},
+    generalises={'flexible_shaft': (('r', 'r'),)},
+    shrinks=('J',),
+)  # fmt: skip
+
+
+@law_function
+def push(
+    omega: float, phi: float, omega_l: float, phi_g: float, w_a: float, z: float
+) -> float:
+    """Acceleration of the load by the teeth in rad/s^2."""
+    beyond = phi - clip(phi, -phi_g, phi_g)
+    contact = clip(20.0 * abs(beyond) / phi_g, 0.0, 1.0)
+    return w_a * w_a * beyond + 2.0 * z * w_a * contact * (omega - omega_l)
+
+
+def torque(
+    omega: float, J: float, phi: float, omega_l: float, r: float, phi_g: float, w_a: float,
+    z: float,
+) -> float:  # fmt: skip
+    """Torque in N m."""
+    return -r * J * push(omega, phi, omega_l, phi_g, w_a, z)
+
+
+def rate_phi(omega: float, omega_l: float) -> float:
+    """Rate of the twist in rad/s."""
+    return omega - omega_l
+
+
+def rate_omega_l(
+    omega: float, phi: float, omega_l: float, phi_g: float, w_a: float, z: float
+) -> float:
+    """Acceleration of the load in rad/s^2."""
+    return push(omega, phi, omega_l, phi_g, w_a, z)

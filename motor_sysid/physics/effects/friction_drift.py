@@ -1,0 +1,24 @@
+"""Friction that changes steadily with time: grease that warms, a seal that runs in, wear."""
+
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
+from motor_sysid.physics.laws import smooth_sign
+
+CARD = Card(
+    title='friction drift',
+    equation='tau = -t (d_c sign(omega) + d_v omega)  (t: time since the start of the record)',
+    symptom='The same motion needs less (or more) current at the end of the record than at its '
+    'beginning.',
+    reference='Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012), Static '
+    'friction in a robot joint: modeling and identification of load and temperature effects',
+    enters=Enters.MECHANICAL,
+    amplitudes=(
+        Amplitude('d_c', 'N m/s', 'growth of Coulomb friction in a second', Scale.DRIFT),
+        Amplitude('d_v', 'N m/rad', 'growth of viscous friction in a second', Scale.VISCOUS_DRIFT),
+    ),
+    axis='time',
+)
+
+
+def torque(omega: float, t: float, omega_eps: float, d_c: float, d_v: float) -> float:
+    """Torque in N m."""
+    return -t * (d_c * smooth_sign(omega, omega_eps) + d_v * omega)
