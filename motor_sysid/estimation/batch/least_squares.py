@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 _DAMPINGS = (0.0, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1e3, 1e4)
 _LENGTHS = (1.0, 0.4)
 
+ENOUGH = 0.5
+"""Share of the promised decrease that an undamped step must bring to be taken as it is."""
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -35,6 +38,8 @@ class Solution:
         Whether it stopped because nothing was left to gain.
     iterations, simulations:
         Effort.
+    near:
+        Residuals and derivatives at `z`, one for each scored stretch; empty if not known.
     """
 
     z: Array
@@ -42,6 +47,7 @@ class Solution:
     converged: bool
     iterations: int
     simulations: int
+    near: tuple[Linearization, ...] = ()
 
 
 def fit(
@@ -73,6 +79,23 @@ def fit(
     iterations, tolerance:
         Most steps of one minimization; smallest relative decrease that is worth a further step.
     """
+    return fit_and_slopes(
+        problem, weighting, start=start, reweight=reweight, floor=floor, iterations=iterations,
+        tolerance=tolerance,
+    )[0]  # fmt: skip
+
+
+def fit_and_slopes(
+    problem: Problem,
+    weighting: Weighting | None = None,
+    *,
+    start: Array | None = None,
+    reweight: int = 3,
+    floor: Array | float = 1e-12,
+    iterations: int = 30,
+    tolerance: float = 1e-7,
+) -> tuple[FitResult, tuple[Linearization, ...]]:
+    """Fit as `fit` does; return residuals and derivatives at the solution, too."""
     if weighting is None:
         weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     solution = minimize(
@@ -80,16 +103,17 @@ def fit(
     )
     simulations, steps = solution.simulations, solution.iterations
     for _ in range(reweight):
-        fresh = white(problem.residuals(solution.z, weighting), floor)
+        fresh = white([problem.settled(one, weighting) for one in solution.near], floor)
         if np.all(np.abs(np.log(fresh.sigma / weighting.sigma)) < 0.02):
             break
         weighting = fresh
         solution = minimize(
-            problem, weighting, start=solution.z, iterations=iterations, tolerance=tolerance
-        )
+            problem, weighting, start=solution.z, iterations=iterations, tolerance=tolerance,
+            near=solution.near,
+        )  # fmt: skip
         simulations += solution.simulations
         steps += solution.iterations
-    return result_at(problem, weighting, solution, simulations, steps)
+    return result_at(problem, weighting, solution, simulations, steps), solution.near
 
 
 def minimize(
@@ -99,26 +123,57 @@ def minimize(
     start: Array | None = None,
     iterations: int = 30,
     tolerance: float = 1e-7,
+    near: Sequence[Linearization] = (),
 ) -> Solution:
-    """Minimize the weighted sum of squares by damped Gauss-Newton steps inside the box."""
+    """Minimize the weighted sum of squares by damped Gauss-Newton steps inside the box.
+
+    Where the undamped step brings most of what the linearization promises it is taken: its
+    simulations give the next derivatives as well.  Elsewhere the best of many dampings and lengths
+    is.  It ends where the promise falls under `tolerance` times the cost.
+
+    Parameters
+    ----------
+    near:
+        Residuals and derivatives at `start`, if they are known.
+    """
     lower, upper = problem.box()
     z = np.clip(problem.vector() if start is None else start, lower, upper)
-    cost, simulations = np.inf, 0
-    for iteration in range(1, iterations + 1):
+    simulations, each = 0, 2 * z.size + 1
+    if not near:
         near = problem.linearize(z)
-        gradient, curvature, here = normal_equations(near, weighting)
-        cost = min(cost, here)
-        trials = _trials(z, gradient, curvature, lower, upper, problem.reach())
-        costs = problem.costs(trials, weighting, near)
-        simulations += 2 * z.size + 1 + len(trials)
-        best = int(np.argmin(costs))
-        if not costs[best] < cost:
-            return Solution(z, cost, bool(np.isfinite(cost)), iteration, simulations)
-        gain = (cost - costs[best]) / cost if np.isfinite(cost) else 1.0
-        z, cost = trials[best], float(costs[best])
+        simulations += each
+    gradient, curvature, cost = normal_equations(near, weighting)
+    for iteration in range(1, iterations + 1):
+        trials, most = _trials(z, gradient, curvature, lower, upper, problem.reach())
+        if not most >= tolerance * cost:
+            return Solution(z, cost, bool(np.isfinite(cost)), iteration, simulations, tuple(near))
+        ahead = problem.linearize(trials[0])
+        simulations += each
+        equations = normal_equations(ahead, weighting)
+        promise = _promise(trials[0] - z, gradient, curvature)
+        if not (promise > 0 and equations[2] < cost - ENOUGH * promise):
+            costs = problem.costs(trials, weighting, near)
+            simulations += len(trials)
+            best = int(np.argmin(costs))
+            if not costs[best] < cost:
+                return Solution(
+                    z, cost, bool(np.isfinite(cost)), iteration, simulations, tuple(near)
+                )
+            if best > 0:
+                ahead = problem.linearize(trials[best])
+                simulations += each
+                equations = normal_equations(ahead, weighting)
+            trials[0] = trials[best]
+        gain = (cost - equations[2]) / cost if np.isfinite(cost) else 1.0
+        z, near, (gradient, curvature, cost) = trials[0], ahead, equations
         if gain < tolerance:
-            return Solution(z, cost, True, iteration, simulations)
-    return Solution(z, cost, False, iterations, simulations)
+            return Solution(z, cost, True, iteration, simulations, tuple(near))
+    return Solution(z, cost, False, iterations, simulations, tuple(near))
+
+
+def _promise(step: Array, gradient: Array, curvature: Array) -> float:
+    """Return the decrease of the sum of squares that the linearization promises for a step."""
+    return float(2 * step @ gradient - step @ curvature @ step)
 
 
 def normal_equations(
@@ -139,13 +194,17 @@ def normal_equations(
 
 def _trials(
     z: Array, gradient: Array, curvature: Array, lower: Array, upper: Array, reach: Array
-) -> Array:
-    """Return candidate vectors: steps of every damping and length, kept inside the box."""
+) -> tuple[Array, float]:
+    """Return candidate vectors: steps of every damping and length, kept inside the box.
+
+    The first is the undamped one; the second value is the most that it could bring, were there no
+    box.
+    """
     held = ((z <= lower) & (gradient < 0)) | ((z >= upper) & (gradient > 0))
     usable = (np.diag(curvature) > 0) & np.isfinite(gradient)
     moving = np.flatnonzero(~held & usable)
     if moving.size == 0 or not np.all(np.isfinite(curvature)):
-        return z[np.newaxis, :]
+        return z[np.newaxis, :], 0.0
     scale = np.sqrt(np.diag(curvature)[moving])
     h = curvature[np.ix_(moving, moving)] / np.outer(scale, scale)
     g = gradient[moving] / scale
@@ -155,14 +214,14 @@ def _trials(
         steps += [length * step for length in _LENGTHS]
     trials = np.repeat(z[np.newaxis, :], len(steps), axis=0)
     trials[:, moving] += np.clip(steps, -reach[moving], reach[moving])
-    return np.clip(trials, lower, upper)
+    return np.clip(trials, lower, upper), float(steps[0] @ gradient[moving])
 
 
 def result_at(
     problem: Problem, weighting: Weighting, solution: Solution, simulations: int, steps: int
 ) -> FitResult:
     """Return the model of a solution, with its uncertainty and the effort that it took."""
-    near = problem.linearize(solution.z)
+    near = solution.near or problem.linearize(solution.z)
     residuals = [problem.settled(one, weighting) for one in near]
     predictions = [s.judged - r for s, r in zip(problem.stretches, residuals, strict=True)]
     spread = describe(problem, solution.z, weighting, near)
