@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from motor_sysid.benchmark.cases import draw, Scenario, scenarios
 from motor_sysid.benchmark.plant import Plant
-from motor_sysid.benchmark.statistics import Share
 from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.rollout import simulate
@@ -127,30 +125,3 @@ def test_load_step_and_inertia_change_come_when_they_should():
     light = run(MOTOR, Control(voltage), DT)
     assert np.array_equal(heavy.speed[:501], light.speed[:501])
     assert heavy.speed[505] > light.speed[505]
-
-
-def test_a_case_is_drawn_the_same_twice_and_is_sound():
-    scenario = Scenario(('stribeck_friction', 'cogging_torque'), 0.03)
-    one, other = (draw(scenario, 3, 5) for _ in range(2))
-    assert [r.digest() for r in one.train] == [r.digest() for r in other.train]
-    assert len(one.train) == 2
-    assert len(one.valid) == 1
-    for record in (*one.train, *one.valid):
-        assert 10 <= record.duration <= 15.1
-        assert np.all(record['voltage'][: int(0.4 / record.dt)] == record['voltage'][0])
-        assert np.ptp(record['speed']) > 0
-
-
-def test_every_scenario_can_be_drawn():
-    known = {s.effects for s in scenarios(200)}
-    assert () in known
-    assert {len(effects) for effects in known} == {0, 1, 2}
-    for key in sorted({k for effects in known for k in effects}):
-        case = draw(Scenario((key,), 0.03), 1, 2)
-        assert all(np.all(np.isfinite(record[name])) for record in case.train for name in record)
-
-
-def test_shares_have_wilson_limits():
-    assert Share(0, 40).limits == pytest.approx((0.0, 0.0876), abs=1e-4)
-    assert Share(20, 40).value == 0.5
-    assert str(Share(0, 0)) == '-'

@@ -1,6 +1,5 @@
 """Draw cases: a motor with something hidden in it, and its records."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,40 +8,17 @@ from numpy.typing import NDArray
 from motor_sysid.benchmark.datasheets import DATA_SHEETS, DataSheet
 from motor_sysid.benchmark.excitation import PROFILES
 from motor_sysid.benchmark.hidden import HIDE, Situation
+from motor_sysid.benchmark.hidden_sensors import HIDE_SENSOR
 from motor_sysid.benchmark.plant import Plant
+from motor_sysid.benchmark.scenarios import Scenario
 from motor_sysid.benchmark.sensors import clean, measure, Sensors
 from motor_sysid.benchmark.truth import Control, run, Truth
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-SENSOR_SCALE = 'current_sensor_scale'
 TOLERANCE = 0.15
 """Largest relative deviation of a true parameter from the data sheet."""
-
-
-@dataclass(frozen=True)
-class Scenario:
-    """What is to be drawn.
-
-    Attributes
-    ----------
-    effects:
-        Keys of what is hidden; empty for a complete model.
-    size:
-        Size of each; see `motor_sysid.benchmark.hidden`.
-    withheld:
-        Whether the diagnosis has to do without these effects in its catalogue.
-    """
-
-    effects: tuple[str, ...]
-    size: float = 0.0
-    withheld: bool = False
-
-    @property
-    def title(self) -> str:
-        """Name in tables."""
-        return ' + '.join(self.effects) or 'none'
 
 
 @dataclass(frozen=True)
@@ -86,8 +62,8 @@ class Case:
     floor_percent:
         Signal to the error that the sensors alone make in the validation record, in percent of
         the RMS of the measured signal.
-    index:
-        Number of the case.
+    number:
+        Which of the cases of the scenario.
     """
 
     scenario: Scenario
@@ -95,19 +71,18 @@ class Case:
     train: tuple[Record, ...]
     valid: tuple[Record, ...]
     floor_percent: dict[str, float]
-    index: int = 0
+    number: int = 0
 
 
-def draw(scenario: Scenario, seed: int, index: int) -> Case:
-    """Draw a case; the same arguments give the same case."""
-    rng = np.random.default_rng([seed, index])
-    setting = _setting(rng)
-    setting = _hidden(setting, scenario, rng)
+def draw(scenario: Scenario, seed: int, number: int) -> Case:
+    """Draw a case; the same arguments give the same case, whatever else is drawn."""
+    rng = np.random.default_rng([seed, number, *scenario.key.encode()])
+    setting = _hidden(_setting(rng), scenario, rng)
     start = _settled(setting.plant, rng)
     runs = [_record(setting, k, start, rng) for k in range(len(setting.profiles))]
     records = tuple(record for record, _ in runs)
     floor = _floor(records[-1], clean(runs[-1][1], setting.sensors, setting.dt))
-    return Case(scenario, setting, records[:-1], records[-1:], floor, index)
+    return Case(scenario, setting, records[:-1], records[-1:], floor, number)
 
 
 def _setting(rng: np.random.Generator) -> Setting:
@@ -164,9 +139,8 @@ def _hidden(setting: Setting, scenario: Scenario, rng: np.random.Generator) -> S
         loss = _loss(setting)
     situation = Situation(setting.sheet, setting.duration, loss)
     for key in scenario.effects:
-        if key == SENSOR_SCALE:
-            gain = 1 + scenario.size * float(rng.choice([-1.0, 1.0]))
-            sensors = replace(sensors, current_scale=gain)
+        if key in HIDE_SENSOR:
+            sensors = HIDE_SENSOR[key](sensors, scenario.size, situation, rng)
         else:
             plant = HIDE[key](plant, scenario.size, situation, rng)
     return replace(setting, plant=plant, sensors=sensors)
@@ -253,43 +227,3 @@ def _floor(record: Record, exact: dict[str, Array]) -> dict[str, float]:
         name: 100 * float(np.std(record[name] - values) / np.sqrt(np.mean(record[name] ** 2)))
         for name, values in exact.items()
     }
-
-
-_SINGLES = (
-    'coulomb_friction', 'asymmetric_coulomb_friction', 'stribeck_friction', 'quadratic_drag',
-    'constant_load_torque', 'gravity_load', 'cogging_torque', 'input_delay', 'brush_voltage_drop',
-    'armature_heating',
-)  # fmt: skip
-_OTHERS = (
-    'flexible_shaft', 'backlash', 'load_torque_step', 'inertia_change',
-    'torque_constant_saturation', SENSOR_SCALE,
-)  # fmt: skip
-_PAIRS = (
-    ('coulomb_friction', 'cogging_torque'), ('coulomb_friction', 'quadratic_drag'),
-    ('coulomb_friction', 'brush_voltage_drop'), ('coulomb_friction', 'gravity_load'),
-    ('input_delay', 'coulomb_friction'),
-)  # fmt: skip
-SIZES = (0.01, 0.03, 0.10)
-
-
-def scenarios(count: int) -> Sequence[Scenario]:
-    """Return `count` scenarios in a fixed mixture; any beginning of the list is a fair sample.
-
-    A quarter are complete models, three eighths have one effect, an eighth two, an eighth an
-    effect that the catalogue does not know, and an eighth one that is withheld from it.
-    """
-    streams = {
-        'none': [Scenario(())],
-        'one': [Scenario((key,), s) for s in (0.03, 0.10, 0.01) for key in _SINGLES],
-        'two': [Scenario(pair, s) for s in (0.03, 0.10) for pair in _PAIRS],
-        'other': [Scenario((key,), s) for s in (0.10, 0.03) for key in _OTHERS],
-        'withheld': [Scenario((key,), s, True) for s in (0.10, 0.03) for key in _SINGLES],
-    }
-    pattern = ('none', 'one', 'two', 'one', 'none', 'other', 'one', 'withheld')
-    taken = dict.fromkeys(streams, 0)
-    chosen = []
-    for k in range(count):
-        name = pattern[k % len(pattern)]
-        chosen.append(streams[name][taken[name] % len(streams[name])])
-        taken[name] += 1
-    return chosen

@@ -1,37 +1,23 @@
-"""Judge one diagnosis against the truth."""
+"""One line of the benchmark: what was hidden, what was said, and how far off the numbers are."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields
 from enum import Enum
-import math
-
-from motor_sysid.benchmark.cases import Case, SENSOR_SCALE
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
-from motor_sysid.physics.effects import catalogue
-
-SPECIAL = {
-    'asymmetric_coulomb_friction': 'coulomb_friction',
-    'stribeck_friction': 'coulomb_friction',
-}
-"""A true effect and the simpler one that is half the truth."""
-
-UNOBSERVABLE = frozenset({SENSOR_SCALE})
-"""What no record of voltage, current and speed can show: it hides in the base parameters."""
 
 
 class Outcome(Enum):
     """What became of a case."""
 
     RIGHT = 'right'
-    """Exactly the truth was said."""
+    """Exactly the truth was said, or a set of effects that is the same (`equivalences`)."""
 
-    AMBIGUOUS = 'ambiguous, truth among the rivals'
-    """Nothing was claimed that is wrong."""
+    AMBIGUOUS = 'ambiguous, truth among them'
+    """Nothing was claimed that is wrong: all that is hidden is among what it names and rivals."""
 
-    PART = 'a part of it'
+    PART = 'part of it'
     """Some of what is hidden was named, or its simpler special case, and nothing else."""
 
-    EXTRA = 'superfluous effect beside it'
+    EXTRA = 'extra effect'
     """All that is hidden was named, and something else as well."""
 
     WRONG = 'wrong name'
@@ -41,58 +27,97 @@ class Outcome(Enum):
     """Something is missing, it said, but not what; right where the catalogue lacks it."""
 
     MISSED = 'missed'
-    """It said that nothing is missing."""
+    """It said that the model is complete."""
+
+    FALSE_ALARM = 'false alarm'
+    """Nothing is hidden, and it said that something is missing."""
 
     INSUFFICIENT = 'insufficient data'
     FAILED = 'failed'
+    """It raised an error, crashed or ran out of time."""
+
+
+@dataclass(frozen=True)
+class Named:
+    """What one of the peers named.
+
+    Attributes
+    ----------
+    effects:
+        Keys, strongest first.
+    seconds:
+        Time that it took.
+    error:
+        Why it named nothing, if it raised.
+    """
+
+    effects: tuple[str, ...]
+    seconds: float
+    error: str = ''
 
 
 @dataclass(frozen=True)
 class Result:
-    """One line of the benchmark.
+    """One case.
 
     Attributes
     ----------
-    index, effects, size, withheld, known:
-        Which case, what was hidden, and whether the catalogue that the diagnosis had holds it.
-    motor, profiles, closed, dt, process:
-        What else was drawn: `process` is the random torque in units of rated torque.
+    case, category, effects, size:
+        Name, kind, what was hidden and how large.
+    known:
+        Whether the catalogue that the diagnosis had holds all of it.
+    motor, profiles, closed, dt, position, process:
+        What else was drawn; `process` is the random torque in units of rated torque.
     outcome, verdict, named, first, rivals:
         What was said: effects in order, the strongest candidate of the first round, and what it
         was not told from.
-    before, over_floor, explained:
-        Held-out error of the base model and after the last step, in units of the error that the
-        sensors alone make; and share of the squared error above it that was explained.
+    before, after, reference:
+        Held-out error of the base model, of the last model, and of the true structure fitted to
+        the same data, percent; the last is None where the catalogue lacks it.
+    floor:
+        Error that the sensors alone make, percent.
     evidence:
         dBIC of the first round's strongest candidate.
-    base_error:
-        Base parameter to relative error under the last model.
+    sigmas, reference_sigmas:
+        ``effect.parameter`` to (estimate - truth) / stated sigma, in the diagnosis's model where
+        that has exactly the true effects, and in the reference.
+    base_before, base_after, base_reference:
+        Base parameter to relative error.
+    peers:
+        Peer to what it named.
     seconds:
         Time of the diagnosis.
     error:
         What went wrong.
     """
 
-    index: int
+    case: str
+    category: str
     effects: tuple[str, ...]
     size: float
-    withheld: bool
     known: bool
-    motor: str
-    profiles: tuple[str, ...]
-    closed: tuple[bool, ...]
-    dt: float
-    process: float
+    motor: str = ''
+    profiles: tuple[str, ...] = ()
+    closed: tuple[bool, ...] = ()
+    dt: float = 0.0
+    position: bool = False
+    process: float = 0.0
     outcome: Outcome = Outcome.FAILED
     verdict: str = ''
     named: tuple[str, ...] = ()
     first: str = ''
     rivals: tuple[str, ...] = ()
-    before: float = 0.0
-    over_floor: float = 0.0
-    explained: float = 0.0
-    evidence: float = 0.0
-    base_error: Mapping[str, float] | None = None
+    before: float | None = None
+    after: float | None = None
+    reference: float | None = None
+    floor: float | None = None
+    evidence: float | None = None
+    sigmas: Mapping[str, float] | None = None
+    reference_sigmas: Mapping[str, float] | None = None
+    base_before: Mapping[str, float] | None = None
+    base_after: Mapping[str, float] | None = None
+    base_reference: Mapping[str, float] | None = None
+    peers: Mapping[str, Named] | None = None
     seconds: float = 0.0
     error: str = ''
 
@@ -104,94 +129,34 @@ class Result:
     @property
     def answer(self) -> str:
         """What was said, for tables."""
-        return ' + '.join(self.named) or self.verdict or self.outcome.value
+        if self.outcome is Outcome.FAILED:
+            return 'failed'
+        if self.verdict == 'ambiguous':
+            return 'ambiguous'
+        return ' + '.join(self.named) or self.verdict.replace('_', ' ')
 
     def as_dict(self) -> dict[str, object]:
         """Return plain values for JSON."""
         return {**asdict(self), 'outcome': self.outcome.name.lower()}
 
+    @classmethod
+    def from_dict(cls, document: Mapping[str, object]) -> 'Result':
+        """Read what `as_dict` gave, before or after JSON.
 
-def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
-    """Compare what was said with what is true."""
-    first, last = diagnosis.steps[0], diagnosis.steps[-1]
-    candidates = first.candidates
-    rivals = tuple(
-        {r for step in diagnosis.steps for c in step.candidates for r in c.confusable_with}
-    )
-    floor = _floor(case, last.channel_errors)
-    before, after = (_combined(step.channel_errors) for step in (first, last))
-    return replace(
-        _drawn(case),
-        outcome=_outcome(case, diagnosis, rivals),
-        verdict=diagnosis.verdict.value,
-        named=diagnosis.effects,
-        first=candidates[0].effect if candidates else '',
-        rivals=rivals,
-        before=before / floor,
-        over_floor=after / floor,
-        explained=(before**2 - after**2) / max(before**2 - floor**2, 1e-12),
-        evidence=candidates[0].delta_bic if candidates else 0.0,
-        base_error=_base_error(case, diagnosis),
-        seconds=seconds,
-    )
-
-
-def failed(case: Case, error: str, seconds: float) -> Result:
-    """Return the result of a diagnosis that raised."""
-    return replace(_drawn(case), seconds=seconds, error=error)
-
-
-def _drawn(case: Case) -> Result:
-    """Return the part of a result that was clear before the diagnosis."""
-    s = case.setting
-    return Result(
-        index=case.index,
-        effects=case.scenario.effects,
-        size=case.scenario.size,
-        withheld=case.scenario.withheld,
-        known=known(case),
-        motor=s.sheet.name,
-        profiles=s.profiles,
-        closed=s.closed,
-        dt=s.dt,
-        process=s.process[0] / s.sheet.torque,
-    )
-
-
-def known(case: Case) -> bool:
-    """Whether the catalogue that the diagnosis was given holds all that is hidden."""
-    return not case.scenario.withheld and all(k in catalogue() for k in case.scenario.effects)
-
-
-def _outcome(case: Case, diagnosis: Diagnosis, rivals: tuple[str, ...]) -> Outcome:
-    truth, named = set(case.scenario.effects), set(diagnosis.effects)
-    verdict = diagnosis.verdict
-    if verdict is Verdict.INSUFFICIENT_DATA:
-        return Outcome.INSUFFICIENT
-    if verdict is Verdict.UNKNOWN_EFFECT:
-        return Outcome.RIGHT if truth and not known(case) else Outcome.UNKNOWN
-    if verdict is Verdict.COMPLETE:
-        return Outcome.RIGHT if truth <= UNOBSERVABLE else Outcome.MISSED
-    if verdict is Verdict.AMBIGUOUS and truth and truth <= named | set(rivals):
-        return Outcome.AMBIGUOUS
-    if named == truth:
-        return Outcome.RIGHT
-    if truth and truth < named:
-        return Outcome.EXTRA
-    half = truth | {SPECIAL[k] for k in truth if k in SPECIAL}
-    return Outcome.PART if named <= half and truth else Outcome.WRONG
-
-
-def _floor(case: Case, channels: Mapping[str, float]) -> float:
-    return max(_combined({k: case.floor_percent[k] for k in channels}), 1e-9)
-
-
-def _combined(percent: Mapping[str, float]) -> float:
-    return math.sqrt(sum(v**2 for v in percent.values()) / len(percent))
-
-
-def _base_error(case: Case, diagnosis: Diagnosis) -> dict[str, float]:
-    plant, model = case.setting.plant, diagnosis.model
-    true = {'R': plant.R, 'L': plant.L, 'k_t': plant.k, 'J': plant.J, 'b': plant.b}
-    names = {p.name for p in model.parameters}
-    return {n: model[n] / value - 1 for n, value in true.items() if n in names}
+        Raises
+        ------
+        KeyError, TypeError, ValueError
+            If it is something else.
+        """
+        known = {f.name for f in fields(cls)}
+        if set(document) != known:
+            raise ValueError(f'fields differ: {sorted(known ^ set(document))}')
+        values = {k: tuple(v) if isinstance(v, list) else v for k, v in document.items()}
+        values['outcome'] = Outcome[str(document['outcome']).upper()]
+        peers = document['peers']
+        if isinstance(peers, Mapping):
+            values['peers'] = {
+                name: Named(tuple(one['effects']), float(one['seconds']), str(one['error']))
+                for name, one in peers.items()
+            }
+        return cls(**values)  # type: ignore[arg-type]

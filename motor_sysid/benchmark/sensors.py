@@ -30,6 +30,8 @@ class Sensors:
         Noise and resolution of the current sensor and its offset, A, and its gain, 1.
     position:
         Whether the position is recorded.
+    speed_offset:
+        What a tachometer shows at standstill, rad/s; counts have none.
     """
 
     counts: float
@@ -39,11 +41,12 @@ class Sensors:
     current_offset: float
     current_scale: float = 1.0
     position: bool = True
+    speed_offset: float = 0.0
 
 
 def clean(truth: Truth, sensors: Sensors, dt: float) -> dict[str, Array]:
     """Return signal to (N,) values as sensors without noise and resolution would show them."""
-    speed = truth.speed
+    speed = truth.speed + sensors.speed_offset
     if sensors.counts:
         speed = np.diff(truth.position, prepend=truth.position[:1]) / dt
     signals = {
@@ -80,7 +83,7 @@ def measure(
         if sensors.position:
             signals['position'] = angle
     else:
-        signals['speed'] = truth.speed + sensors.tacho_noise * rng.standard_normal(count)
+        signals['speed'] = signals['speed'] + sensors.tacho_noise * rng.standard_normal(count)
     if reference is not None:
         signals['speed_reference'] = reference
     units = {name: _UNITS[name] for name in signals}

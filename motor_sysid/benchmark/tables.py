@@ -1,129 +1,311 @@
-"""Results of a benchmark as figures, tables and a confusion matrix."""
+"""Results of a benchmark as tables: what the terminal, the page and the JSON file show."""
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
+from motor_sysid.benchmark.equivalences import same_as
 from motor_sysid.benchmark.outcome import Outcome, Result
+from motor_sysid.benchmark.peers import PEERS
 from motor_sysid.benchmark.statistics import Share
+from motor_sysid.benchmark.targets import covered, rates
 
-SCHEMA = 'motor_sysid/benchmark/1'
-VISIBLE = 1.02
-"""An effect counts as visible if it raises the held-out error of the base model by 2 %."""
+SCHEMA = 'motor_sysid/benchmark/2'
 
-_HONEST = (Outcome.RIGHT, Outcome.AMBIGUOUS)
-
-
-def shares(results: Sequence[Result]) -> dict[str, Share]:
-    """Return the shares that the diagnosis is judged by, by sentence."""
-    hidden = [r for r in results if r.effects and r.known]
-    one = [r for r in hidden if len(r.effects) == 1]
-    table = {
-        'complete model: something is said to be missing': _share(
-            [r for r in results if not r.effects], lambda r: r.outcome is not Outcome.RIGHT
-        )
-    }
-    for size in sorted({r.size for r in one}):
-        sized = [r for r in one if r.size == size]
-        table[f'one effect, size {100 * size:g} %: named first'] = _share(sized, _first)
-        table[f'one effect, size {100 * size:g} %: named first, where it is visible'] = _share(
-            [r for r in sized if r.before > VISIBLE], _first
-        )
-    table['one effect: exactly that, or ambiguous with it'] = _share(
-        one, lambda r: r.outcome in _HONEST
-    )
-    table['any effect of the catalogue: a wrong name'] = _share(hidden, _wrong)
-    table['two effects: exactly both'] = _share(
-        [r for r in hidden if len(r.effects) == 2], lambda r: r.outcome is Outcome.RIGHT
-    )
-    absent = [r for r in results if r.effects and not r.known]
-    table['effect that the catalogue lacks: a wrong neighbour named'] = _share(absent, _wrong)
-    table['effect that the catalogue lacks: said to be unknown'] = _share(
-        absent, lambda r: r.outcome is Outcome.RIGHT
-    )
-    table['it raised an error'] = _share(list(results), lambda r: r.outcome is Outcome.FAILED)
-    return table
+BASE = ('R', 'L', 'k_t', 'J', 'b')
+GOOD = (Outcome.RIGHT,)
+BAD = (Outcome.WRONG, Outcome.EXTRA, Outcome.FALSE_ALARM, Outcome.FAILED)
 
 
-def report(results: Sequence[Result]) -> str:
-    """Return the whole report as Markdown."""
-    parts = [
-        '# Benchmark of the diagnosis',
-        f'{len(results)} cases. Shares with 95 % confidence limits (Wilson).',
-        _table(('what', 'share'), [(name, str(s)) for name, s in shares(results).items()]),
-        '## By hidden effect',
-        by_effect(results),
-        '## What was hidden, and what was said',
-        confusion(results),
-        _speed(results),
+@dataclass(frozen=True)
+class Cell:
+    """One cell: text, whether it is good or bad news, and how strongly to show that (0 to 1)."""
+
+    text: str
+    tone: str = ''
+    weight: float = 0.0
+
+
+@dataclass(frozen=True)
+class Table:
+    """A table with a heading and a sentence on how to read it.
+
+    Attributes
+    ----------
+    title, note:
+        Heading and sentence.
+    head:
+        Column titles.
+    rows:
+        Cells, one for each column.
+    wide:
+        Whether it has too many columns for a terminal.
+    """
+
+    title: str
+    note: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+    wide: bool = False
+
+
+def tables(results: Sequence[Result]) -> list[Table]:
+    """Return every table of the report; those without rows are left out."""
+    known = [r for r in results if r.known]
+    absent = [r for r in results if not r.known]
+    every = [
+        rate_table(results),
+        peer_table(results),
+        outcome_table(results),
+        leakage_table(results),
+        coverage_table(results),
+        confusion_table('Confusion matrix', known),
+        confusion_table('Confusion matrix where the catalogue lacks the effect', absent),
+        trouble_table(results),
     ]
-    return '\n\n'.join(parts) + '\n'
+    return [table for table in every if table.rows]
 
 
-def by_effect(results: Sequence[Result]) -> str:
-    """Return a Markdown table: one row for each hidden effect and size, outcomes as columns."""
-    seen = [o for o in Outcome if any(r.outcome is o for r in results)]
-    groups = sorted({(r.withheld, r.title, r.size) for r in results})
+def rate_table(results: Sequence[Result]) -> Table:
+    """Return the rates with limits and goals."""
     rows = []
-    for withheld, title, size in groups:
-        mine = [r for r in results if (r.withheld, r.title, r.size) == (withheld, title, size)]
-        counts = Counter(r.outcome for r in mine)
-        name = f'{title} (not in the catalogue)' if withheld else title
-        ratio = float(np.median([r.over_floor for r in mine]))
+    for rate in rates(results):
+        tone = {'pass': 'good', 'fail': 'bad'}.get(rate.verdict[:4], '')
+        goal = str(rate.goal) if rate.goal else ''
         rows.append(
-            (name, f'{100 * size:g} %', *(str(counts[o] or '') for o in seen), f'{ratio:.2f}')
+            (*_cells(rate.title, *_parts(rate.share), goal), Cell(rate.verdict, tone, 0.35))
         )
-    return _table(('hidden', 'size', *(o.value for o in seen), 'error / sensor noise'), rows)
+    return Table(
+        'Rates',
+        'Limits are 95 % (Wilson). "not certain": the limits reach over the goal, more runs would '
+        'tell.',
+        ('what', 'cases', 'share', '95 % limits', 'goal', 'verdict'),
+        tuple(rows),
+    )
 
 
-def confusion(results: Sequence[Result]) -> str:
-    """Return the confusion matrix as a Markdown table: truth in rows, answers in columns."""
-    matrix = Counter((r.title, r.answer) for r in results)
-    answers = sorted({r.answer for r in results}, key=lambda a: (a.islower(), a))
-    titles = sorted({r.title for r in results})
-    rows = [(t, *(str(matrix[t, a] or '') for a in answers)) for t in titles]
-    return _table(('hidden', *answers), rows)
+def peer_table(results: Sequence[Result]) -> Table:
+    """Return the diagnosis beside its peers, on the cases on which all of them ran."""
+    names = [name for name in PEERS if any(name in (r.peers or {}) for r in results)]
+    shared = [r for r in results if names and all(name in (r.peers or {}) for name in names)]
+    rows = [_peer_row('this diagnosis', shared, lambda r: r.named, lambda r: r.seconds)]
+    for key in names:
+        rows.append(
+            _peer_row(
+                PEERS[key].title,
+                shared,
+                lambda r, key=key: (r.peers or {})[key].effects,  # type: ignore[misc]
+                lambda r, key=key: (r.peers or {})[key].seconds,  # type: ignore[misc]
+            )
+        )
+    return Table(
+        'Peers on the same records',
+        'Exact set: all that is hidden and nothing else. The peers cannot say "unknown", so a '
+        'withheld effect counts as a false name whenever they name anything.',
+        ('method', 'false alarm, complete', 'one effect: first', 'one effect: exact set',
+         'two effects: exact set', 'withheld: names something', 'median time'),
+        tuple(rows) if names and shared else (),
+    )  # fmt: skip
+
+
+def outcome_table(results: Sequence[Result]) -> Table:
+    """Return one row for each hidden effect and size, with outcomes as columns."""
+    seen = [o for o in Outcome if any(r.outcome is o for r in results)]
+    rows = []
+    for name, size, mine in _groups(results):
+        counts = Counter(r.outcome for r in mine)
+        ratios = [r.after / r.reference for r in mine if r.after and r.reference]
+        ratio = f'{np.median(ratios):.3f}' if ratios else ''
+        cells = [_count(counts[o], len(mine), _tone(o)) for o in seen]
+        rows.append((*_cells(name, size), *cells, Cell(ratio)))
+    return Table(
+        'Outcomes',
+        'Number of cases. Error ratio: held-out error of the last model over that of the true '
+        'structure fitted to the same data, median.',
+        ('hidden', 'size', *(o.value for o in seen), 'error ratio'),
+        tuple(rows),
+        wide=True,
+    )
+
+
+def leakage_table(results: Sequence[Result]) -> Table:
+    """Return the errors of the base parameters before and after adding what is missing."""
+    rows = []
+    for name, size, mine in _groups(results):
+        right = [r for r in mine if r.outcome in (Outcome.RIGHT, Outcome.AMBIGUOUS) and r.known]
+        if not right:
+            continue
+        cells = []
+        for parameter in BASE:
+            before, after, best = (
+                _median_error(right, parameter, which)
+                for which in ('base_before', 'base_after', 'base_reference')
+            )
+            cells.append(f'{before} → {after} ({best})')
+        rows.append(_cells(name, size, str(len(right)), *cells))
+    return Table(
+        'Base parameters',
+        'Median |error| of the linear model → after adding what was named (true structure fitted '
+        'to the same data), where the verdict is right.',
+        ('hidden', 'size', 'cases', *BASE),
+        tuple(rows),
+        wide=True,
+    )
+
+
+def coverage_table(results: Sequence[Result]) -> Table:
+    """Return how often stated 95 % intervals hold the truth, by effect parameter."""
+    mine, best = _sigmas(results, 'sigmas'), _sigmas(results, 'reference_sigmas')
+    rows = [
+        _cells(
+            name, *_parts(covered(mine.get(name, []))), *_parts(covered(best.get(name, [])))[1:]
+        )
+        for name in sorted({*mine, *best})
+    ]
+    return Table(
+        'Intervals of effect parameters',
+        'How often the stated 95 % interval holds the true value, in models with exactly the true '
+        'effects; right: the true structure fitted to the same data.',
+        ('parameter', 'cases', 'share', '95 % limits', 'true structure', '95 % limits'),
+        tuple(rows),
+        wide=True,
+    )
+
+
+def confusion_table(title: str, results: Sequence[Result]) -> Table:
+    """Return truth and size in rows, answers in columns."""
+    answers = sorted({r.answer for r in results}, key=_column_order)
+    rows = []
+    for name, size, mine in _groups(results):
+        cells = []
+        for answer in answers:
+            same = [r for r in mine if r.answer == answer]
+            tone = Counter(_tone(r.outcome) for r in same).most_common(1)[0][0] if same else ''
+            cells.append(_count(len(same), len(mine), tone))
+        rows.append((*_cells(name, size), *cells))
+    return Table(
+        title,
+        'Rows: what is hidden. Columns: what was said. Green is right, red is a wrong name, an '
+        'extra effect, a false alarm or a failure.',
+        ('hidden', 'size', *answers),
+        tuple(rows),
+        wide=True,
+    )
+
+
+def trouble_table(results: Sequence[Result]) -> Table:
+    """Return the cases to look into: whatever is bad, by name."""
+    bad = [r for r in results if r.outcome in BAD or r.error]
+    return Table(
+        'Cases to look into',
+        'Each runs again alone with `motor-sysid benchmark diagnosis --case NAME`.',
+        ('case', 'outcome', 'said', 'motor', 'error'),
+        tuple(_cells(r.case, r.outcome.value, r.answer, r.motor, r.error) for r in bad),
+        wide=True,
+    )
 
 
 def as_dict(results: Sequence[Result]) -> dict[str, object]:
     """Return everything as plain values for JSON."""
     return {
         'schema': SCHEMA,
-        'shares': {
-            name: {'count': s.count, 'total': s.total, 'limits': s.limits}
-            for name, s in shares(results).items()
-        },
+        'rates': [
+            {
+                'what': rate.title,
+                'count': rate.share.count,
+                'total': rate.share.total,
+                'limits': rate.share.limits,
+                'goal': str(rate.goal) if rate.goal else None,
+                'verdict': rate.verdict or None,
+            }
+            for rate in rates(results)
+        ],
         'confusion': [
-            {'hidden': hidden, 'said': said, 'count': count}
-            for (hidden, said), count in sorted(
-                Counter((r.title, r.answer) for r in results).items()
+            {'hidden': hidden, 'size': size, 'known': known, 'said': said, 'count': count}
+            for (hidden, size, known, said), count in sorted(
+                Counter((r.title, r.size, r.known, r.answer) for r in results).items()
             )
         ],
         'cases': [r.as_dict() for r in results],
     }
 
 
-def _first(r: Result) -> bool:
-    return bool(r.named) and r.named[0] in r.effects
+def _groups(results: Sequence[Result]) -> list[tuple[str, str, list[Result]]]:
+    """Return name, size and cases of everything that was hidden, single effects first."""
+    keys = sorted({(len(r.effects), not r.known, r.title, r.size) for r in results})
+    found = []
+    for count, absent, title, size in keys:
+        mine = [r for r in results if (r.title, r.size, not r.known) == (title, size, absent)]
+        name = f'{title} (not in the catalogue)' if absent else title
+        found.append((name, f'{100 * size:g} %' if count else '', mine))
+    return found
 
 
-def _wrong(r: Result) -> bool:
-    return r.outcome in (Outcome.WRONG, Outcome.EXTRA)
+def _column_order(answer: str) -> tuple[int, str]:
+    special = ('complete', 'ambiguous', 'unknown effect', 'insufficient data', 'failed')
+    if answer in special:
+        return 2 + special.index(answer), ''
+    return answer.count('+') > 0, answer
 
 
-def _share(results: Sequence[Result], happened: Callable[[Result], bool]) -> Share:
-    return Share(sum(map(happened, results)), len(results))
+def _count(count: int, total: int, tone: str) -> Cell:
+    return Cell(str(count), tone, count / total) if count else Cell('')
 
 
-def _speed(results: Sequence[Result]) -> str:
-    seconds = [r.seconds for r in results]
-    return (
-        f'Time of a diagnosis: median {np.median(seconds):.1f} s, '
-        f'95 % below {np.quantile(seconds, 0.95):.1f} s, longest {max(seconds):.1f} s.'
+def _tone(outcome: Outcome) -> str:
+    return 'good' if outcome in GOOD else 'bad' if outcome in BAD else 'soft'
+
+
+def _cells(*texts: str) -> tuple[Cell, ...]:
+    return tuple(Cell(text) for text in texts)
+
+
+def _parts(share: Share) -> tuple[str, str, str]:
+    """Return number of cases, share and limits as text."""
+    if not share.total:
+        return '0', '', ''
+    low, high = share.limits
+    return str(share.total), f'{100 * share.value:.1f} %', f'{100 * low:.1f} to {100 * high:.1f} %'
+
+
+def _median_error(results: Sequence[Result], parameter: str, which: str) -> str:
+    errors = [abs(getattr(r, which)[parameter]) for r in results if getattr(r, which)]
+    return f'{100 * float(np.median(errors)):.2g} %' if errors else '-'
+
+
+def _sigmas(results: Sequence[Result], which: str) -> dict[str, list[float]]:
+    found: dict[str, list[float]] = {}
+    for result in results:
+        values: Mapping[str, float] = getattr(result, which) or {}
+        for name, value in values.items():
+            found.setdefault(name, []).append(value)
+    return found
+
+
+def _peer_row(
+    title: str,
+    results: Sequence[Result],
+    named: Callable[[Result], tuple[str, ...]],
+    seconds: Callable[[Result], float],
+) -> tuple[Cell, ...]:
+    def share(category: str, happened: Callable[[Result], bool]) -> str:
+        mine = [r for r in results if r.category == category]
+        return str(Share(sum(map(happened, mine)), len(mine)))
+
+    def first(r: Result) -> bool:
+        return bool(named(r)) and any(named(r)[0] in one for one in same_as(frozenset(r.effects)))
+
+    def exact(r: Result) -> bool:
+        return frozenset(named(r)) in same_as(frozenset(r.effects))
+
+    return _cells(
+        title,
+        share('complete', lambda r: bool(named(r))),
+        share('single', first),
+        share('single', exact),
+        share('pair', exact),
+        share('withheld', lambda r: bool(named(r))),
+        f'{np.median([seconds(r) for r in results]):.1f} s' if results else '',
     )
-
-
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    lines = [head, ['---'] * len(head), *rows]
-    return '\n'.join(f'| {" | ".join(line)} |' for line in lines)

@@ -1,72 +1,168 @@
 """`motor-sysid benchmark`: how often the diagnosis is right, on motors whose truth is known."""
 
 import argparse
-import json
 import os
 from pathlib import Path
-import sys
+import tempfile
 from typing import TYPE_CHECKING
 
+from motor_sysid.cli.common import write_json
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.benchmark.outcome import Result
+    from motor_sysid.benchmark.store import ResultsFile
 
 HELP = 'measure how often the diagnosis is right, on simulated motors with hidden effects'
 
-QUICK, FULL = 40, 400
+QUICK, FULL = 24, 2000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
-    parser.add_argument('what', choices=('diagnosis',), help='what to measure')
     parser.add_argument(
-        '--quick', action='store_true', help=f'{QUICK} cases (some minutes) in place of {FULL}'
+        'what', choices=('diagnosis', 'report'),
+        help='what to measure; or `report`: only show results that files hold already',
+    )  # fmt: skip
+    parser.add_argument(
+        'files', nargs='*', type=Path, metavar='RESULTS', help='for `report`: results files'
     )
+    parser.add_argument(
+        '--quick', action='store_true',
+        help=f'{QUICK} cases (some minutes) in place of {FULL}; kept only with --results',
+    )  # fmt: skip
     parser.add_argument('--runs', type=int, metavar='N', help='number of cases')
     parser.add_argument(
+        '--case', action='append', default=[], metavar='NAME',
+        help='run this case alone and say everything about it; may be given several times',
+    )  # fmt: skip
+    parser.add_argument(
         '--seed', type=int, default=0, metavar='N', help='other cases (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--results', type=Path, metavar='FILE',
+        help='where each case is kept as soon as it is done; a benchmark that was stopped goes on '
+        'from there (default: benchmark.jsonl)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--fresh', action='store_true', help='start the results file anew, whatever it holds'
     )
     parser.add_argument(
         '--workers', type=int, default=os.cpu_count() or 1, metavar='N',
         help='processes (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '--page', type=Path, metavar='FILE', help='write the report, Markdown, to this file too'
+        '--limit', type=float, default=180.0, metavar='SECONDS',
+        help='longest time for a case; one that takes longer has failed (default: %(default)g)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--no-peers', action='store_true', help='do not run the other methods on the same records'
     )
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write every case as JSON')
+    parser.add_argument('--page', type=Path, metavar='FILE', help='write the report as HTML, too')
+    parser.add_argument('--json', type=Path, metavar='FILE', help='write rates and cases as JSON')
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run the benchmark and print its report."""
-    from motor_sysid.benchmark import cases, diagnosis, tables
+    """Run the benchmark, or read its results, and show the report."""
+    from motor_sysid.benchmark.store import merged
 
-    count = args.runs if args.runs is not None else QUICK if args.quick else FULL
-    if count < 1 or args.workers < 1:
-        raise UserError(f'{count} runs with {args.workers} workers; both must be at least 1')
-    results = diagnosis.run(
-        cases.scenarios(count), seed=args.seed, workers=args.workers, progress=_progress
-    )
-    text = tables.report(results)
-    print(text)
-    if args.page:
-        _write(args.page, text)
-    if args.json:
-        _write(args.json, json.dumps(tables.as_dict(results), indent=1) + '\n')
+    _refuse(args)
+    if args.case:
+        return _cases(args)
+    if args.what == 'report':
+        program, results = merged(args.files)
+    else:
+        program, results = _measured(args)
+    _show(results, {'state of the program': program}, args)
     return 0
 
 
-def _progress(result: 'Result', done: int, total: int) -> None:
-    print(
-        f'{done}/{total} {result.title}: {result.answer} ({result.outcome.value}, '
-        f'{result.seconds:.1f} s)',
-        file=sys.stderr,
-        flush=True,
-    )
+def _refuse(args: argparse.Namespace) -> None:
+    if args.what == 'report' and not args.files:
+        raise UserError('report needs at least one results file')
+    if args.what != 'report' and args.files:
+        raise UserError(
+            f'{args.files[0]}: results files go with `report`; to add to one use --results'
+        )
+    if (args.runs is not None and args.runs < 1) or args.workers < 1:
+        raise UserError(
+            f'{args.runs} runs with {args.workers} workers; both must be at least 1'
+        )
+    if not args.limit > 0:
+        raise UserError(f'--limit is {args.limit:g} s; it must be above 0')
+    if not 0 <= args.seed < 2**32:
+        raise UserError(f'--seed is {args.seed}; it must be from 0 to {2**32 - 1}')
 
 
-def _write(path: Path, text: str) -> None:
-    try:
-        path.write_text(text)
-    except OSError as error:
-        raise UserError(f'{path} cannot be written: {error.strerror}') from None
+def _cases(args: argparse.Namespace) -> int:
+    """Run cases in this process, where a debugger sees them, and tell all of each."""
+    import json
+
+    from motor_sysid.benchmark.diagnosis import one, Task
+    from motor_sysid.benchmark.scenarios import named_case
+
+    for name in args.case:
+        named_case(name)
+    results = [one(Task(name, args.seed, _peers(args))) for name in args.case]
+    for result in results:
+        print(json.dumps(result.as_dict(), indent=1))
+    return 0
+
+
+def _measured(args: argparse.Namespace) -> 'tuple[str, list[Result]]':
+    from motor_sysid.benchmark.store import ResultsFile, state_of_program
+
+    state = state_of_program()
+    if args.quick and not args.results:
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            ResultsFile(Path(folder) / 'benchmark.jsonl', args.seed) as file,
+        ):
+            results = _run(args, file)
+    else:
+        path = args.results or Path('benchmark.jsonl')
+        with ResultsFile(path, args.seed, fresh=args.fresh) as file:
+            results = _run(args, file)
+        print(f'results: {path}')
+    changed = state_of_program() != state
+    return f'{state}{" (it changed meanwhile)" if changed else ""}', results
+
+
+def _run(args: argparse.Namespace, file: 'ResultsFile') -> 'list[Result]':
+    from motor_sysid.benchmark.diagnosis import run as run_diagnosis
+    from motor_sysid.cli.benchmark_progress import Watch
+
+    count = args.runs if args.runs is not None else QUICK if args.quick else FULL
+    with Watch(count) as watch:
+        return run_diagnosis(
+            count, file, seed=args.seed, peers=_peers(args), processes=args.workers,
+            limit=args.limit, progress=watch,
+        )  # fmt: skip
+
+
+def _peers(args: argparse.Namespace) -> tuple[str, ...]:
+    from motor_sysid.benchmark.peers import PEERS
+
+    if args.no_peers:
+        return ()
+    for peer in PEERS.values():
+        if peer.lacks:
+            print(f'{peer.title} is left out: {peer.lacks}')
+    return tuple(name for name, peer in PEERS.items() if not peer.lacks)
+
+
+def _show(results: 'list[Result]', facts: dict[str, str], args: argparse.Namespace) -> None:
+    from motor_sysid.benchmark.page import page
+    from motor_sysid.benchmark.tables import as_dict, tables
+    from motor_sysid.cli.benchmark_progress import print_table
+
+    for table in tables(results):
+        if not table.wide:
+            print_table(table)
+    if args.page:
+        try:
+            args.page.write_text(page(results, facts), encoding='utf-8')
+        except OSError as problem:
+            raise UserError(f'cannot write {args.page}: {problem.strerror}') from problem
+        print(f'page: {args.page}')
+    write_json({**as_dict(results), **facts}, args.json)
