@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from motor_sysid.diagnosis.compare import compare, failure_of
+from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.proposals import proposals
@@ -27,6 +27,7 @@ from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.score import score, Scores, variants
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
@@ -296,7 +297,7 @@ class _Engine:
         predictions = (*rung.training.predictions, *rung.validation.predictions)
         failure = failure_of(rung.model, self.bench.records, self.bench.roles, predictions)
         found: list[Candidate] = [
-            candidate_of(t, rung.model, failure.curves, rivals.get(t.key, ()), self.bench.records)
+            candidate_of(t, rung, failure, rivals.get(t.key, ()), self.bench.records)
             for t in trials
         ]
         return Step(

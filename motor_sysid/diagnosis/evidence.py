@@ -6,26 +6,24 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.refit import parameters_of, Trial
-from motor_sysid.diagnosis.residual import balance, lacking_name, measured_states
+from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal
+from motor_sysid.diagnosis.refit import parameters_of, Rung, Trial
+from motor_sysid.diagnosis.residual import lacking_name
 from motor_sysid.diagnosis.result import Candidate, Curve
-from motor_sysid.physics.model import Model
+from motor_sysid.diagnosis.where import Failure, mean_in
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
 
-_STATE = {'speed': 'omega', 'position': 'theta', 'current': 'i', 'time': 't'}
-
-
 def candidate_of(
     trial: Trial,
-    base: Model,
-    curves: Sequence[Curve],
+    base: Rung,
+    failure: Failure,
     rivals: Sequence[str],
     records: Sequence[Record],
 ) -> Candidate:
-    """Describe a trial of an effect on the base model."""
+    """Describe a trial of an effect on the base model that fails as given on the records."""
     one = trial.scored.variant.effect
     return Candidate(
         effect=one.key,
@@ -39,45 +37,38 @@ def candidate_of(
         confusable_with=tuple(rivals),
         passes=trial.passes,
         note=trial.note,
-        curve=_curve(trial, base, curves, records),
+        curve=_curve(trial, base, failure, records),
     )
 
 
 def _curve(
-    trial: Trial, base: Model, curves: Sequence[Curve], records: Sequence[Record]
+    trial: Trial, base: Rung, failure: Failure, records: Sequence[Record]
 ) -> Curve | None:
     """Return the curve on the effect's axis, and what the refitted model says it should be."""
     one = trial.scored.variant.effect
-    forces = [f.name for f in base.kind.forces]
+    forces = [f.name for f in base.model.kind.forces]
     force = next((name for name in one.laws if name in forces), forces[0])
-    wanted = lacking_name(base, force)
-    curve = next((c for c in curves if c.axis == one.card.axis and c.quantity == wanted), None)
-    if curve is None or trial.rung.model is base:
+    wanted = lacking_name(base.model, force)
+    curve = next(
+        (c for c in failure.curves if c.axis == one.card.axis and c.quantity == wanted), None
+    )
+    if curve is None or trial.rung.model is base.model:
         return curve
-    return replace(curve, law=_law_in_bins(base, trial.rung.model, force, curve, records))
+    told = orthogonal(_difference(trial.rung, base, failure, records), failure.share)
+    axis = failure.axes[curve.axis]
+    mean = mean_in(axis, [part.forces[force] for part in told])
+    shown = np.clip(np.digitize(curve.x, axis.edges) - 1, 0, axis.count - 1)
+    return replace(curve, law=np.nan_to_num(mean[shown]))
 
 
-def _law_in_bins(
-    base: Model, refitted: Model, force: str, curve: Curve, records: Sequence[Record]
-) -> Array | None:
-    """Average, in the bins of the curve, the force that the base lacks if the refit is right.
-
-    It holds what the effect does less what the base parameters had taken over of it.
-    """
-    parts, places = [], []
-    for record in records:
-        states = measured_states(base, record.uniform())
-        old, new = balance(base, states), balance(refitted, states)
-        if force not in old or force not in new:
-            return None
-        parts.append((new[force][0] - old[force][0]) / old[force][1])
-        places.append(states[_STATE[curve.axis]])
-    x = np.concatenate(places)
-    if curve.axis == 'position' and curve.axis_unit == 'rad':
-        x = np.mod(x, 2 * np.pi)
-    edges = np.concatenate(([-np.inf], 0.5 * (curve.x[1:] + curve.x[:-1]), [np.inf]))
-    place = np.digitize(x, edges) - 1
-    count = np.bincount(place, minlength=curve.x.size)
-    total = np.bincount(place, weights=np.concatenate(parts), minlength=curve.x.size)
-    mean: Array = total / np.maximum(count, 1)
-    return mean
+def _difference(
+    refitted: Rung, base: Rung, failure: Failure, records: Sequence[Record]
+) -> list[Lack]:
+    """Return what the base would lack if the refitted model were the truth, free of noise."""
+    before, after = (
+        (*r.training.predictions, *r.validation.predictions) for r in (base, refitted)
+    )
+    return [
+        replace(lack_of(base.model, record, old, new), states=seen.states)
+        for record, old, new, seen in zip(records, before, after, failure.lacks, strict=True)
+    ]

@@ -38,6 +38,8 @@ class Curve:
         (K,) bin centres, mean in each bin, and half width of its 95 % band.
     law:
         (K,) value of the fitted law in each bin, or None.
+    chance:
+        Probability that noise alone carries some bin that far from zero; NaN if unknown.
     """
 
     axis: str
@@ -48,6 +50,32 @@ class Curve:
     mean: Array
     band: Array
     law: Array | None = None
+    chance: float = float('nan')
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Error of one output along one axis.
+
+    Attributes
+    ----------
+    unit:
+        Unit of the output.
+    overall:
+        Its RMS error over everything: what every bin would have without structure.
+    rms, low, high:
+        (K,) RMS error in each bin, and the ends of its 95 % band; NaN where a bin holds too
+        little.
+    chance:
+        Probability that noise alone carries some bin that far from `overall`.
+    """
+
+    unit: str
+    overall: float
+    rms: Array
+    low: Array
+    high: Array
+    chance: float
 
 
 @dataclass(frozen=True)
@@ -67,6 +95,8 @@ class Where:
         holds too few samples.
     error_share, time_share:
         (K,) share of the squared error and of the time that falls into each bin, 0 to 1.
+    channels:
+        Output to its own error in each bin.
     """
 
     axis: str
@@ -75,6 +105,7 @@ class Where:
     error_percent: Array
     error_share: Array
     time_share: Array
+    channels: Mapping[str, ChannelError] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
