@@ -140,6 +140,7 @@ class _Engine:
     ) -> None:
         self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
         self.nominal = nominal
+        self.seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
         self.train_records = [
             r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
         ]
@@ -191,7 +192,17 @@ class _Engine:
         proposed = proposals(rung.model, self.train_records, self.candidates, scales)
         tried = list(variants(rung.model, scales, self.candidates, proposed))
         self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
-        return score(problem, problem.vector(), tried)
+        scores = score(problem, problem.vector(), tried)
+        self.seen[frozenset(rung.model.effects)] = rung, scores
+        return scores
+
+    def without(self, rung: Rung, key: str) -> tuple[Rung, Scores]:
+        """Return the fit without one effect, and what then scores."""
+        left = frozenset(rung.model.effects) - {key}
+        if left not in self.seen:
+            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
+            self.score(slim)
+        return self.seen[left]
 
     def reconsider(
         self, rung: Rung, start: Sequence[str], rivals: dict[str, tuple[str, ...]]
@@ -202,9 +213,11 @@ class _Engine:
         Another effect that does as well is noted in `rivals`.
         """
         own = [key for key in rung.model.effects if key not in start]
+        first = self.seen[frozenset(start)][1].pairs
+        if first and {one.variant.effect.key for one in first[0]} == set(own):
+            return None
         for key in own:
-            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
-            scores = self.score(slim)
+            slim, scores = self.without(rung, key)
             mine = gain_in_bic(slim.model, rung.model, self.bench, scores.weighting)
             if len(own) > 1:
                 for trial in self.substitutes(key, slim, scores, mine):
@@ -258,6 +271,11 @@ class _Engine:
             ladder[-1] = (polish(ladder[-1][0], self.bench), ladder[-1][1])
         final = ladder[-1][0]
         left = self.remainder(final)
+        rivals = {
+            key: tuple(r for r in names if r not in final.model.effects)
+            for key, names in rivals.items()
+            if key in final.model.effects
+        }
         verdict = _verdict(ladder, left, rivals)
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         steps = tuple(self.step(rung, trials, rivals) for rung, trials in ladder)
