@@ -41,6 +41,12 @@ EQUIVALENCES = (
         'torque constant give the same records; every other torque is larger by 1 + g, too',
     ),
     Equivalence(
+        frozenset({'speed_sensor_scale'}),
+        frozenset(),
+        'for a shown speed (1 + g) omega, k/(1 + g), J/(1 + g)^2, b/(1 + g)^2 and the same '
+        'resistance and inductance give the same records; every other torque is smaller by 1 + g',
+    ),
+    Equivalence(
         frozenset({'current_sensor_offset'}),
         frozenset(),
         'an unknown offset of the current sensor is part of every base model',

@@ -92,8 +92,7 @@ def cogging_torque(p: Plant, size: float, s: Situation, rng: np.random.Generator
 
 def input_delay(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
     """Delay of 0.3 to 1 ms, 1 to 3 ms or 3 to 20 ms at sizes 1, 3 and 10 %."""
-    low, high = (0.3e-3, 1e-3) if size < 0.02 else (1e-3, 3e-3) if size < 0.06 else (3e-3, 20e-3)
-    return p._replace(delay=float(np.exp(rng.uniform(np.log(low), np.log(high)))))
+    return p._replace(delay=_lateness(size, rng))
 
 
 def brush_voltage_drop(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
@@ -149,13 +148,82 @@ def torque_constant_saturation(
     return p._replace(i_sat=current / np.sqrt(1 / (1 - 3 * size) ** 2 - 1))
 
 
+def lugre_friction(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Friction of `size` whose bristles bend by 2 to 20 mrad, with up to half as much stiction."""
+    return p._replace(
+        bristle=size * s.sheet.torque,
+        bend=float(np.exp(rng.uniform(np.log(2e-3), np.log(20e-3)))),
+        stiction=rng.uniform(0.1, 0.5),
+        omega_s=rng.uniform(0.02, 0.08) * s.sheet.top_speed,
+    )
+
+
+def friction_drift(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Friction that grows from nothing to twice `size`, by chance dry, viscous or both."""
+    rate, dry = 2 * size * s.sheet.torque / s.duration, float(rng.choice([0.0, 0.5, 1.0]))
+    return p._replace(drift_dry=dry * rate, drift_viscous=(1 - dry) * rate / s.sheet.top_speed)
+
+
+def periodic_load(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Load that swings by `size` at 0.7 to 15 Hz."""
+    return p._replace(
+        swing=size * s.sheet.torque,
+        frequency=float(np.exp(rng.uniform(np.log(0.7), np.log(15.0)))),
+        swing_angle=rng.uniform(-np.pi, np.pi),
+    )
+
+
+def torque_ripple(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Torque constant that swings by `size` of itself, 5 to 48 times a turn."""
+    return p._replace(
+        ripple=size,
+        ripple_order=float(rng.integers(5, 49)),
+        ripple_angle=rng.uniform(-np.pi, np.pi),
+    )
+
+
+def iron_loss(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Excess loss that brakes by `size` times rated torque at no-load speed."""
+    return p._replace(iron=size * s.sheet.torque / np.sqrt(s.sheet.top_speed))
+
+
+def inverter_dead_time(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Loss of `size` times nominal voltage beyond 0.2 to 1 times rated current."""
+    current = s.sheet.torque / p.k
+    return p._replace(v_dead=size * s.sheet.voltage, i_dead=rng.uniform(0.2, 1.0) * current)
+
+
+def drive_coast(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Bridge that lets go for 5 times `size` of the pause, at most all of it."""
+    return p._replace(coast=min(5 * size, 1.0), coast_voltage=s.sheet.voltage)
+
+
+def inductance_saturation(
+    p: Plant, size: float, s: Situation, rng: np.random.Generator
+) -> Plant:
+    """Inductance larger by 5 times `size` without current, half gone at 0.5 to 2 rated ones."""
+    current = s.sheet.torque / p.k
+    return p._replace(soft=5 * size, i_soft=rng.uniform(0.5, 2.0) * current)
+
+
+def current_sensor_lag(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Filter of the current sensor, as slow as `input_delay` is late."""
+    return p._replace(current_lag=_lateness(size, rng))
+
+
+def _lateness(size: float, rng: np.random.Generator) -> float:
+    low, high = (0.3e-3, 1e-3) if size < 0.02 else (1e-3, 3e-3) if size < 0.06 else (3e-3, 20e-3)
+    return float(np.exp(rng.uniform(np.log(low), np.log(high))))
+
+
 HIDE: dict[str, Hide] = {
     one.__name__: one
     for one in (
         coulomb_friction, asymmetric_coulomb_friction, stribeck_friction, quadratic_drag,
         constant_load_torque, gravity_load, cogging_torque, input_delay, brush_voltage_drop,
         armature_heating, flexible_shaft, backlash, load_torque_step, inertia_change,
-        torque_constant_saturation,
+        torque_constant_saturation, lugre_friction, friction_drift, periodic_load, torque_ripple,
+        iron_loss, inverter_dead_time, drive_coast, inductance_saturation, current_sensor_lag,
     )
 }  # fmt: skip
 """Key to the function that hides it; `current_sensor_scale` belongs to the sensors."""

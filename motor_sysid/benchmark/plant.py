@@ -40,6 +40,26 @@ class Plant(NamedTuple):
         Relative rise of the inertia, and when, s.
     i_sat:
         Current at which saturation leaves 0.71 of torque constant and back-EMF, A; 0 for none.
+    bristle, bend, stiction:
+        LuGre friction: Coulomb torque, N m, bend at which bristles slip, rad, and stiction over
+        Coulomb torque at speeds well below `omega_s`; its damping is critical at rest.
+    drift_dry, drift_viscous:
+        Growth of dry friction, N m/s, and of viscous friction, N m/rad.
+    swing, frequency, swing_angle:
+        ``swing sin(2 pi frequency t + swing_angle)``, N m, Hz, rad.
+    ripple, ripple_order, ripple_angle:
+        Relative ripple ``ripple sin(ripple_order theta + ripple_angle)`` of torque constant and
+        back-EMF.
+    iron:
+        ``iron sqrt(|omega|) sign(omega)``, N m s^0.5/rad^0.5.
+    v_dead, i_dead:
+        Voltage lost to dead time, V, in full beyond this current, A.
+    coast, coast_voltage:
+        Share of the pause in which the bridge lets go, and voltage at which there is no pause, V.
+    soft, i_soft:
+        Relative excess of the inductance without current, half gone at this current, A.
+    current_lag:
+        Time constant of the current sensor's filter, s.
     """
 
     R: float
@@ -74,3 +94,22 @@ class Plant(NamedTuple):
     inertia_gain: float = 0.0
     inertia_time: float = 0.0
     i_sat: float = 0.0
+    bristle: float = 0.0
+    bend: float = 1.0
+    stiction: float = 0.0
+    drift_dry: float = 0.0
+    drift_viscous: float = 0.0
+    swing: float = 0.0
+    frequency: float = 0.0
+    swing_angle: float = 0.0
+    ripple: float = 0.0
+    ripple_order: float = 0.0
+    ripple_angle: float = 0.0
+    iron: float = 0.0
+    v_dead: float = 0.0
+    i_dead: float = 1.0
+    coast: float = 0.0
+    coast_voltage: float = 1.0
+    soft: float = 0.0
+    i_soft: float = 1.0
+    current_lag: float = 0.0

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from motor_sysid.benchmark.truth import Truth
 from motor_sysid.signals.record import Provenance, Record
@@ -30,8 +31,10 @@ class Sensors:
         Noise and resolution of the current sensor and its offset, A, and its gain, 1.
     position:
         Whether the position is recorded.
-    speed_offset:
-        What a tachometer shows at standstill, rad/s; counts have none.
+    speed_offset, speed_scale:
+        What a tachometer shows at standstill, rad/s, and its gain, 1; counts have neither.
+    speed_filter:
+        Time constant of the low pass through which the drive gives the speed, s; 0: none.
     """
 
     counts: float
@@ -42,15 +45,18 @@ class Sensors:
     current_scale: float = 1.0
     position: bool = True
     speed_offset: float = 0.0
+    speed_scale: float = 1.0
+    speed_filter: float = 0.0
 
 
 def clean(truth: Truth, sensors: Sensors, dt: float) -> dict[str, Array]:
     """Return signal to (N,) values as sensors without noise and resolution would show them."""
-    speed = truth.speed + sensors.speed_offset
+    speed = sensors.speed_scale * truth.speed + sensors.speed_offset
     if sensors.counts:
         speed = np.diff(truth.position, prepend=truth.position[:1]) / dt
+    speed = _filtered(speed, sensors, dt)
     signals = {
-        'current': sensors.current_scale * truth.current + sensors.current_offset,
+        'current': sensors.current_scale * truth.shown_current + sensors.current_offset,
         'speed': speed,
     }
     if sensors.counts and sensors.position:
@@ -79,7 +85,7 @@ def measure(
     if sensors.counts:
         step = 2 * np.pi / sensors.counts
         angle = step * np.floor(truth.position / step)
-        signals['speed'] = np.diff(angle, prepend=angle[:1]) / dt
+        signals['speed'] = _filtered(np.diff(angle, prepend=angle[:1]) / dt, sensors, dt)
         if sensors.position:
             signals['position'] = angle
     else:
@@ -89,3 +95,12 @@ def measure(
     units = {name: _UNITS[name] for name in signals}
     time = dt * np.arange(count, dtype=np.float64)
     return Record(time, signals, units, Provenance('benchmark'))
+
+
+def _filtered(speed: Array, sensors: Sensors, dt: float) -> Array:
+    """Return (N,) speed behind the drive's low pass, which begins at the first value."""
+    if sensors.speed_filter == 0.0:
+        return speed
+    share = 1 - np.exp(-dt / sensors.speed_filter)
+    passed: Array = lfilter([share], [1, share - 1], speed, zi=[(1 - share) * speed[0]])[0]
+    return passed

@@ -20,8 +20,10 @@ Array = NDArray[np.float64]
 LONGEST_STEP = 40e-6
 """s."""
 
-_I, _OMEGA, _THETA, _OMEGA_L, _THETA_L, _HEAT = range(6)
+_I, _OMEGA, _THETA, _OMEGA_L, _THETA_L, _HEAT, _BEND, _I_SHOWN = range(8)
+_STATES = 8
 _CUTS = 8
+_HIGHEST_VOLTAGE = 48.0
 
 
 @dataclass(frozen=True)
@@ -62,6 +64,8 @@ class Truth:
         (N,) at the sample times, A, rad/s, rad.
     energy:
         (N,) heat stored in the winding, J.
+    shown_current:
+        (N,) behind the filter of the current sensor, A.
     """
 
     voltage: Array
@@ -69,6 +73,7 @@ class Truth:
     speed: Array
     position: Array
     energy: Array
+    shown_current: Array
 
 
 def run(
@@ -91,31 +96,43 @@ def run(
         (N,) random torque on the shaft, held over each sample, N m.
     start:
         (6,) current, speed, position, load speed, load position, stored heat; default: at rest.
+        Bristles begin unbent, the filter of the current at the current.
     substeps:
         Steps per sample; by default as many as accuracy asks for.
     """
     count = control.reference.size
     random = np.zeros(count) if process_torque is None else process_torque
-    state = np.zeros(6) if start is None else start.copy()
+    state = np.zeros(_STATES)
+    if start is not None:
+        state[: start.size] = start
+    state[_I_SHOWN] = state[_I]
     steps = substeps or steps_per_sample(plant, dt)
-    voltage, states = np.zeros(count), np.empty((count, 6))
+    voltage, states = np.zeros(count), np.empty((count, _STATES))
     c, numbers = control, Plant(*map(float, plant))
     _run(
         numbers, c.reference, float(c.kp), float(c.ki), float(c.limit), float(c.resolution),
         float(c.counts), dt, steps, random, state, voltage, states,
     )  # fmt: skip
+    i, shown = states[:, _I], states[:, _I_SHOWN]
     return Truth(
-        voltage, states[:, _I], states[:, _OMEGA], states[:, _THETA], states[:, _HEAT]
-    )
+        voltage, i, states[:, _OMEGA], states[:, _THETA], states[:, _HEAT],
+        shown if plant.current_lag > 0 else i,
+    )  # fmt: skip
 
 
 def steps_per_sample(plant: Plant, dt: float) -> int:
-    """Return the number of steps that resolves the electrical and the torsional time constants."""
+    """Return the number of steps that resolves every time constant."""
     longest = min(LONGEST_STEP, 0.5 * plant.L / plant.R)
     if plant.share > 0:
         small = plant.J * min(plant.share, 1 - plant.share)
         swing, fade = np.sqrt(small / plant.stiffness), small / plant.damping
         longest = min(longest, 0.15 * swing, 0.3 * fade)
+    if plant.bristle > 0:
+        stiffness = plant.bristle / plant.bend
+        slips = plant.bend * plant.k / _HIGHEST_VOLTAGE
+        longest = min(longest, slips, 0.15 * np.sqrt(plant.J / stiffness))
+    if plant.current_lag > 0:
+        longest = min(longest, plant.current_lag)
     return max(int(np.ceil(dt / longest)), 20)
 
 
@@ -123,8 +140,8 @@ def steps_per_sample(plant: Plant, dt: float) -> int:
 def _run(  # type: ignore[no-untyped-def]
     plant, reference, kp, ki, limit, resolution, counts, dt, steps, random, x, voltage, states
 ):  # fmt: skip
-    """Fill `voltage` (N,) and `states` (N, 6)."""
-    work = np.empty((3, 6))
+    """Fill `voltage` (N,) and `states` (N, 8)."""
+    work = np.empty((3, _STATES))
     integral, before, h = 0.0, _count(x[_THETA], counts), dt / steps
     for k in range(reference.size):
         states[k] = x
@@ -207,7 +224,7 @@ def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
     elif moving == 0.0:
         net = _torque(plant, x, t, random)
         way = np.sign(net)
-        moving = way if abs(net) > _friction(plant, way, 0.0) else 0.0
+        moving = way if abs(net) > _friction(plant, way, 0.0, t) else 0.0
     flowing = np.sign(x[_I])
     if plant.v_b == 0.0:
         flowing = 0.0
@@ -219,13 +236,15 @@ def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model='numpy')
 def _dry(plant):  # type: ignore[no-untyped-def]
-    return plant.tau_plus > 0.0 or plant.tau_minus > 0.0 or plant.tau_s > 0.0
+    rubs = plant.tau_plus > 0.0 or plant.tau_minus > 0.0 or plant.tau_s > 0.0
+    return rubs or plant.drift_dry != 0.0
 
 
 @njit(cache=True, error_model='numpy')
-def _friction(plant, way, speed):  # type: ignore[no-untyped-def]
+def _friction(plant, way, speed, t):  # type: ignore[no-untyped-def]
     """Size of the dry friction when moving that way, N m."""
     size = plant.tau_plus if way > 0.0 else plant.tau_minus
+    size = max(size + plant.drift_dry * t, 0.0)
     if plant.tau_s > 0.0:
         size += plant.tau_s * np.exp(-(abs(speed / plant.omega_s) ** plant.sharpness))
     return size
@@ -243,18 +262,43 @@ def _twist(plant, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model='numpy')
-def _constant(plant, i):  # type: ignore[no-untyped-def]
-    """Torque and back-EMF constant at that current, N m/A."""
+def _constant(plant, i, theta):  # type: ignore[no-untyped-def]
+    """Torque and back-EMF constant at that current and angle, N m/A."""
+    k = plant.k
+    if plant.ripple != 0.0:
+        k *= 1.0 + plant.ripple * np.sin(plant.ripple_order * theta + plant.ripple_angle)
     if plant.i_sat == 0.0:
-        return plant.k
-    return plant.k / np.sqrt(1.0 + (i / plant.i_sat) ** 2)
+        return k
+    return k / np.sqrt(1.0 + (i / plant.i_sat) ** 2)
+
+
+@njit(cache=True, error_model='numpy')
+def _bristles(plant, omega, bend):  # type: ignore[no-untyped-def]
+    """Torque of the bristles against the motion, N m, and the rate of their bend, rad/s."""
+    limit = 1.0 + plant.stiction * np.exp(-((omega / plant.omega_s) ** 2))
+    slip = omega - abs(omega) * bend / (plant.bend * limit)
+    stiffness = plant.bristle / plant.bend
+    damping = 2.0 * np.sqrt(stiffness * plant.J)
+    fades = np.exp(-((omega * damping / plant.bristle) ** 2))
+    return stiffness * bend + damping * fades * slip, slip
+
+
+@njit(cache=True, error_model='numpy')
+def _bridge(plant, i, u, emf):  # type: ignore[no-untyped-def]
+    """Voltage that dead time and coasting add to what was asked for, V."""
+    added = 0.0
+    if plant.v_dead != 0.0:
+        added -= plant.v_dead * min(max(i / plant.i_dead, -1.0), 1.0)
+    if plant.coast != 0.0:
+        added += plant.coast * max(1.0 - abs(u) / plant.coast_voltage, 0.0) * emf
+    return added
 
 
 @njit(cache=True, error_model='numpy')
 def _torque(plant, x, t, random):  # type: ignore[no-untyped-def]
     """Torque on the rotor but for dry friction, N m."""
     i, omega, theta = x[_I], x[_OMEGA], x[_THETA]
-    torque = _constant(plant, i) * i - plant.b * omega - plant.drag * omega * abs(omega)
+    torque = _constant(plant, i, theta) * i - plant.b * omega - plant.drag * omega * abs(omega)
     torque += random - plant.tau_l
     if plant.gravity != 0.0:
         torque -= plant.gravity * np.sin(theta - plant.gravity_angle)
@@ -264,6 +308,11 @@ def _torque(plant, x, t, random):  # type: ignore[no-untyped-def]
         torque += plant.second * np.sin(2.0 * angle + plant.second_angle)
     if t >= plant.step_time:
         torque -= plant.step_torque
+    torque -= plant.drift_viscous * t * omega + plant.iron * np.sign(omega) * np.sqrt(abs(omega))
+    if plant.swing != 0.0:
+        torque += plant.swing * np.sin(2.0 * np.pi * plant.frequency * t + plant.swing_angle)
+    if plant.bristle != 0.0:
+        torque -= _bristles(plant, omega, x[_BEND])[0]
     if plant.share > 0.0:
         torque -= _twist(plant, x)
     return torque
@@ -271,24 +320,31 @@ def _torque(plant, x, t, random):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model='numpy')
 def _rates(plant, x, u, t, random, moving, flowing, out):  # type: ignore[no-untyped-def]
-    """Time derivatives (6,) of the state while both signs are held."""
+    """Time derivatives (8,) of the state while both signs are held."""
     inertia = plant.J
     if t >= plant.inertia_time:
         inertia *= 1.0 + plant.inertia_gain
     resistance = plant.R * (1.0 + plant.heat * x[_HEAT])
-    emf = _constant(plant, x[_I]) * x[_OMEGA]
-    out[_I] = (u - resistance * x[_I] - emf - plant.v_b * flowing) / plant.L
+    emf = _constant(plant, x[_I], x[_THETA]) * x[_OMEGA]
+    inductance = plant.L
+    if plant.soft != 0.0:
+        inductance *= 1.0 + plant.soft * 0.5 ** ((x[_I] / plant.i_soft) ** 2)
+    given = u + _bridge(plant, x[_I], u, emf)
+    out[_I] = (given - resistance * x[_I] - emf - plant.v_b * flowing) / inductance
     if plant.v_b > 0.0 and flowing == 0.0:
         out[_I] = 0.0
     net = _torque(plant, x, t, random)
     if moving != 0.0:
-        net -= moving * _friction(plant, moving, x[_OMEGA])
+        net -= moving * _friction(plant, moving, x[_OMEGA], t)
     rests = moving == 0.0 and _dry(plant)
     out[_OMEGA] = 0.0 if rests else net / (inertia * (1.0 - plant.share))
     out[_THETA] = 0.0 if rests else x[_OMEGA]
     out[_OMEGA_L] = _twist(plant, x) / (inertia * plant.share) if plant.share > 0.0 else 0.0
     out[_THETA_L] = x[_OMEGA_L]
     out[_HEAT] = resistance * x[_I] ** 2 - x[_HEAT] / plant.t_th
+    out[_BEND] = _bristles(plant, x[_OMEGA], x[_BEND])[1] if plant.bristle > 0.0 else 0.0
+    lag = plant.current_lag
+    out[_I_SHOWN] = (x[_I] - x[_I_SHOWN]) / lag if lag > 0.0 else 0.0
 
 
 @njit(cache=True, error_model='numpy')
