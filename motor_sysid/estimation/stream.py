@@ -4,14 +4,16 @@ What is published depends on the samples alone, never on how they were bunched o
 arrived: a replay of the same samples gives the same events, bit for bit.
 """
 
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 import hashlib
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.estimation.handover import Estimate, Handover, Online
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -20,24 +22,8 @@ SECOND = 1_000_000_000
 LEARNED = 50
 """Samples from which the sample time is learned."""
 
-Estimate = tuple[float, float, str, bool]
-"""Value, standard deviation, unit, whether the data so far identify it."""
-
-
-class Online(Protocol):
-    """What an online estimator offers; see `motor_sysid.estimation.online`."""
-
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
-        """Take (K,) times in s with (K, n_u) inputs and (K, n_y) outputs, one after the other."""
-
-    def estimate(self) -> Mapping[str, Estimate]:
-        """Return the estimates by parameter name."""
-
-    def prediction(self) -> Mapping[str, float]:
-        """Return what was predicted for the last sample, by output."""
-
-    def residual(self) -> Mapping[str, float]:
-        """Return measured minus predicted for the last sample, by output."""
+Make = Callable[[float], Online]
+"""Makes an estimator for a sample time in s."""
 
 
 @dataclass(frozen=True)
@@ -102,11 +88,15 @@ class EstimateStream:
         Samples given to the estimator since it was made.
     gaps, missing:
         How often stamps were more than 1.5 sample times apart, and the samples missing there.
+    changed:
+        Stamp in ns of the first sample that the present kind of estimator was given, if it took
+        over from another; 0 before any change.
     """
 
-    def __init__(self, make: Callable[[float], Online], rates: Rates) -> None:
+    def __init__(self, make: Make, rates: Rates) -> None:
         self._make, self._rates = make, rates
-        self.gaps = self.missing = 0
+        self._changes: deque[tuple[int | None, Make]] = deque()
+        self.gaps = self.missing = self.changed = 0
         self.reset()
 
     def reset(self) -> None:
@@ -123,6 +113,35 @@ class EstimateStream:
         """Sample time in s, 0 as long as it is not known."""
         return self._step / SECOND
 
+    @property
+    def first_stamp(self) -> int:
+        """Stamp of the first sample, ns; -1 before any."""
+        return self._first
+
+    def estimate(self) -> Mapping[str, Estimate]:
+        """Return the estimates after the last sample; none before there is an estimator."""
+        return self._online.estimate() if self._online else {}
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a change waits for its sample."""
+        return bool(self._changes)
+
+    def change(self, make: Make, at: int | None = None) -> None:
+        """Have another estimator take over from the present one (see `Handover`).
+
+        Parameters
+        ----------
+        make:
+            Makes it, now and after every reset from then on.
+        at:
+            Stamp in ns of the first sample that it is given; None for the next sample, in place
+            of another change that still waits for that.  Changes are made in the order of calls.
+        """
+        if at is None:
+            self._changes = deque(one for one in self._changes if one[0] is not None)
+        self._changes.append((at, make))
+
     def feed(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
         """Take the next samples; return what is to be published.
 
@@ -137,11 +156,29 @@ class EstimateStream:
         times: list[int] = stamps.tolist()
         last = self._last if self._last >= 0 else times[0] - 1
         cuts = [k for k, (a, b) in enumerate(pairwise([last, *times])) if b <= a]
-        for rows in _split(len(times), cuts):
+        for rows in _split(len(times), [*cuts, *self._turns(last, times)]):
             if rows.start in cuts:
                 self.reset()
+            self._turn(times[rows.start])
             events += self._run(stamps[rows], inputs[rows], outputs[rows])
         return events
+
+    def _turns(self, last: int, times: Sequence[int]) -> list[int]:
+        """Return where changes that wait for their stamp may begin."""
+        waiting = [at for at, _ in self._changes if at is not None]
+        steps = list(enumerate(pairwise([last, *times]))) if waiting else []
+        return [k for k, (a, b) in steps if any(a < at <= b for at in waiting)]
+
+    def _turn(self, stamp: int) -> None:
+        """Make the changes that are due with the sample of this stamp."""
+        while self._changes:
+            at, make = self._changes[0]
+            if at is not None and not self._last < at <= stamp:
+                return
+            self._changes.popleft()
+            self._make, self.changed = make, stamp
+            if self._online is not None:
+                self._online = Handover(self._online, make(self.sample_time))
 
     def _run(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
         if self._first < 0:

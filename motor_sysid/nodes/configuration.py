@@ -33,6 +33,8 @@ class Configuration:
         Results per second of sample time.
     tolerance:
         Largest difference of the stamps of one sample, s.
+    since:
+        Stamp in ns of the first sample that it applies to; 0 for the start of the node.
     """
 
     model: Model
@@ -41,6 +43,7 @@ class Configuration:
     estimate_rate: float = 10.0
     prediction_rate: float = 50.0
     tolerance: float = 0.0
+    since: int = 0
 
     def to_texts(self) -> dict[str, str]:
         """Return it as key and text."""
@@ -50,6 +53,8 @@ class Configuration:
             'estimate_rate': repr(self.estimate_rate),
             'prediction_rate': repr(self.prediction_rate),
             'tolerance': repr(self.tolerance),
+            'since': str(self.since),
+            'effects': ', '.join(self.model.effects),
             'model': dump_model(self.model),
         }
 
@@ -66,10 +71,11 @@ class Configuration:
             return cls(
                 parse_model(texts['model'], 'the recorded configuration'),
                 texts['estimator'],
-                *(
-                    float(texts[key])
-                    for key in ('sample_time', 'estimate_rate', 'prediction_rate', 'tolerance')
-                ),
+                sample_time=float(texts['sample_time']),
+                estimate_rate=float(texts['estimate_rate']),
+                prediction_rate=float(texts['prediction_rate']),
+                tolerance=float(texts['tolerance']),
+                since=int(texts.get('since', 0)),
             )
         except (KeyError, ValueError) as error:
             raise UserError(f'the recorded configuration lacks {error}') from None

@@ -1,23 +1,29 @@
-"""The `identifier` node: live estimates with their uncertainty, predictions, periodic refits."""
+"""The `identifier` node: live estimates, predictions, refits, diagnoses, a model to edit."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 import time
 
+from diagnostic_msgs.srv import AddDiagnostics
 from rclpy.context import Context
 from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
+from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import Event
-from motor_sysid.nodes.configuration import SECOND
+from motor_sysid.nodes.configuration import Configuration
+from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.health import Health
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.intake import RawTopic
+from motor_sysid.nodes.long_work import LongWork
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
 from motor_sysid.nodes.message_types import installed_types
 from motor_sysid.nodes.parameters import Settings
 from motor_sysid.nodes.pipeline import Pipeline
+from motor_sysid.nodes.preparation import Preparation
 from motor_sysid.nodes.publishing import (
     DiagnosticsPublisher,
     joint_publisher,
@@ -25,8 +31,13 @@ from motor_sysid.nodes.publishing import (
     now_ns,
     PackedPublisher,
 )
-from motor_sysid.nodes.refit import RefitJob, RefitOutcome, RefitWorker
-from motor_sysid.nodes.statuses import estimate_statuses, fit_statuses, Status
+from motor_sysid.nodes.statuses import (
+    diagnosis_statuses,
+    diagnosis_summary,
+    estimate_statuses,
+    fit_statuses,
+    Status,
+)
 from motor_sysid.nodes.topics import plan_signals, untyped, with_types
 
 FIELDS = {'position': 'position', 'speed': 'velocity', 'current': 'effort'}
@@ -36,8 +47,9 @@ FIELDS = {'position': 'position', 'speed': 'velocity', 'current': 'effort'}
 class IdentifierNode(LoopNode):
     """Takes three topics in batches, joins them on their stamps and feeds the estimator.
 
-    What is published on ``~/estimate`` depends on the samples alone; refits run in a process of
-    their own and are published on ``~/model`` only, so that a replay gives the same estimates.
+    What is published on ``~/estimate`` depends on the samples and on what is published on
+    ``~/model`` as ``configuration`` alone, so that a replay gives the same estimates; refits and
+    diagnoses run in a process of their own, on real data at whatever time.
     """
 
     def __init__(
@@ -52,17 +64,20 @@ class IdentifierNode(LoopNode):
         self.period = s.drain_period
         self._configuration = s.configuration()
         self._configuration.warm_up()
+        self._next: Configuration | None = None
+        self._prepared: Preparation | None = None
+        self._show_effects()
+        self.settings.test_change(self._prepare)
+        self.settings.on_change(self._hand_over)
         self._sources = s.sources()
         self._pipeline: Pipeline | None = None
         self._topics: list[RawTopic] = []
-        self._worker = RefitWorker()
-        self._fitted: RefitOutcome | None = None
-        self._next_refit = 0
+        self._work = LongWork(self.get_logger())
         self._next_look = 0.0
         self._advertise()
-        self._publish_model()
-        if s.refit_period:
-            self._worker.start()
+        self._publish_model(now_ns(self.get_clock()))
+        if s.refit_period or s.diagnose_period:
+            self._work.start()
         self._connect()
         names = ', '.join(topic.resolved for topic in self._topics) or 'topics yet to appear'
         self.get_logger().info(f'{s.estimator} on {names}')
@@ -86,12 +101,16 @@ class IdentifierNode(LoopNode):
         deep = QoSProfile(depth=100)
         self._estimate = DiagnosticsPublisher(self, '~/estimate', deep)
         self._model = DiagnosticsPublisher(self, '~/model', LATCHED)
+        self._verdict = DiagnosticsPublisher(self, '~/diagnosis', LATCHED)
         self._diagnostics = DiagnosticsPublisher(self, '/diagnostics', QoSProfile(depth=10))
         self._shown = [name for name in FIELDS if name in self._configuration.outputs()]
         self._prediction = self._joint('~/prediction')
         self._residual = self._joint('~/residual')
         self.create_service(Trigger, '~/reset', self._on_reset)
         self.create_service(Trigger, '~/refit', self._on_refit)
+        self.create_service(Trigger, '~/diagnose', self._on_diagnose)
+        self.create_service(AddDiagnostics, '~/add_effect', self._on_add)
+        self.create_service(AddDiagnostics, '~/remove_effect', self._on_remove)
 
     def _joint(self, topic: str) -> PackedPublisher:
         fields = [FIELDS[name] for name in self._shown]
@@ -107,6 +126,8 @@ class IdentifierNode(LoopNode):
                 for event in self._pipeline.advance(self.settings.value.time_budget):
                     self._publish(event)
             self.hurry = self._pipeline.collect() > 0
+            if self._next is not None and not self._pipeline.stream.waiting:
+                self._adopt(self._next, self._pipeline.stream.changed)
         self._look()
 
     def _take(self, pipeline: Pipeline) -> int:
@@ -119,7 +140,7 @@ class IdentifierNode(LoopNode):
 
     def close(self) -> None:
         """Stop the worker."""
-        self._worker.close()
+        self._work.close()
 
     def _publish(self, event: Event) -> None:
         self._health.note(event)
@@ -128,30 +149,19 @@ class IdentifierNode(LoopNode):
         self._residual.publish(event.stamp, *(left[name] for name in self._shown))
         if event.estimate is not None:
             self._estimate.publish(event.stamp, estimate_statuses(event))
-            self._refit_if_due(event)
-
-    def _refit_if_due(self, event: Event) -> None:
-        period = self.settings.value.refit_period
-        if not period or event.stamp < self._next_refit:
-            return
-        if event.stamp - event.first_stamp < self.settings.value.refit_window * SECOND:
-            return
-        if self._submit():
-            self._next_refit = event.stamp + round(period * SECOND)
-
-    def _submit(self) -> bool:
-        s = self.settings.value
-        record = self._pipeline.record(s.refit_window) if self._pipeline else None
-        if record is None:
-            return False
-        model = self._configuration.model
-        return self._worker.submit(RefitJob(model, record, s.refit_method, s.refit_seed))
+            if self._pipeline is not None:
+                target = self._next or self._configuration
+                self._work.note(event, self._pipeline, target, self.settings.value)
 
     def _look(self) -> None:
         """Look at what changes slowly."""
-        outcome = self._worker.poll()
-        if outcome is not None:
-            self._take_refit(outcome)
+        news = self._work.poll()
+        if news.fitted:
+            self._health.refits += 1
+            self._publish_model(now_ns(self.get_clock()))
+        if news.diagnosed and self._work.diagnosis is not None:
+            outcome = self._work.diagnosis
+            self._verdict.publish(outcome.last_stamp, diagnosis_statuses(outcome))
         now = time.monotonic()
         if now < self._next_look:
             return
@@ -162,34 +172,123 @@ class IdentifierNode(LoopNode):
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
-        statuses = self._health.statuses(self._fitted.noise if self._fitted else {})
+        fitted = self._work.fitted
+        statuses = self._health.statuses(fitted.noise if fitted else {})
+        statuses.append(diagnosis_summary(self._work.diagnosis, self._work.diagnosing))
         self._diagnostics.publish(now_ns(self.get_clock()), statuses)
 
-    def _take_refit(self, outcome: RefitOutcome) -> None:
-        if outcome.model is None:
-            self.get_logger().warning(f'refit failed: {outcome.reason}')
-            return
-        self._fitted = outcome
-        self._health.refits += 1
-        self._publish_model()
-
-    def _publish_model(self) -> None:
+    def _publish_model(self, stamp: int) -> None:
         statuses = [Status('configuration', self._configuration.to_texts())]
-        if self._fitted is not None:
-            statuses += fit_statuses(self._fitted)
-        self._model.publish(now_ns(self.get_clock()), statuses)
+        if self._work.fitted is not None:
+            statuses += fit_statuses(self._work.fitted)
+        self._model.publish(stamp, statuses)
+
+    # --- the effects of the model: services and the parameter `effects` take this one way
+
+    def _prepare(self, settings: IdentifierSettings) -> None:
+        """Make the estimator with other effects, or refuse; the samples go on meanwhile."""
+        base, pipeline = self._next or self._configuration, self._pipeline
+        self._prepared = None
+        if set(settings.effects) == set(base.model.effects):
+            return
+        stream = pipeline.stream if pipeline else None
+        estimates = dict(stream.estimate()) if stream and not self._next else {}
+        record = pipeline.record(settings.diagnose_window) if pipeline else None
+        found = self._work.diagnosis
+
+        def build() -> Configuration:
+            return replace(
+                base, model=edited(base.model, settings.effects, estimates, found, record)
+            )
+
+        preparation = Preparation(build, stream.sample_time if stream else 0.0)
+        while preparation.running:
+            self.step()
+            time.sleep(0.001)
+        preparation.configuration()
+        self._prepared = preparation
+
+    def _hand_over(self, settings: IdentifierSettings) -> None:
+        """Have the prepared estimator take over with the next sample."""
+        prepared, self._prepared = self._prepared, None
+        if prepared is None:
+            return
+        if self._pipeline is None:
+            self._adopt(prepared.configuration(), 0)
+            return
+        self._pipeline.stream.change(prepared.make)
+        self._next = prepared.configuration()
+
+    def _adopt(self, configuration: Configuration, since: int) -> None:
+        """Take a configuration that applies since that stamp, and tell."""
+        self._configuration, self._next = replace(configuration, since=since), None
+        self._publish_model(since or now_ns(self.get_clock()))
+        self._show_effects()
+        effects = ', '.join(configuration.model.effects) or 'no effects'
+        self.get_logger().info(f'the model has {effects} since stamp {since * 1e-9:.6f} s')
+
+    def _show_effects(self) -> None:
+        """Have the parameter say what the model has: one effect may take another's place."""
+        effects = self._configuration.model.effects
+        if set(self.settings.value.effects) != set(effects):
+            self.set_parameters([Parameter('effects', value=list(effects) or [''])])
+
+    def _on_add(
+        self, request: AddDiagnostics.Request, response: AddDiagnostics.Response
+    ) -> AddDiagnostics.Response:
+        key, have = request.load_namespace.strip(), self._effects()
+        if key in have:
+            response.success, response.message = False, f'the model has `{key}` already'
+            return response
+        return self._set_effects((*have, key), response)
+
+    def _on_remove(
+        self, request: AddDiagnostics.Request, response: AddDiagnostics.Response
+    ) -> AddDiagnostics.Response:
+        key, have = request.load_namespace.strip(), self._effects()
+        if key not in have:
+            known = ', '.join(have) or 'none'
+            response.success, response.message = False, f'the model has no `{key}`; it has {known}'
+            return response
+        return self._set_effects(tuple(k for k in have if k != key), response)
+
+    def _effects(self) -> tuple[str, ...]:
+        return (self._next or self._configuration).model.effects
+
+    def _set_effects(
+        self, effects: Sequence[str], response: AddDiagnostics.Response
+    ) -> AddDiagnostics.Response:
+        result = self.set_parameters([Parameter('effects', value=list(effects) or [''])])[0]
+        response.success, response.message = bool(result.successful), result.reason
+        if response.success:
+            now = ', '.join(self._effects()) or 'no effects'
+            response.message = f'the model has {now}; ~/model says from which sample on'
+        return response
+
+    # --- the other services
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pipeline is not None:
             self._pipeline.reset()
-        self._next_refit = 0
+        self._work.reset()
         response.success, response.message = True, 'starts anew with the next sample'
         return response
 
     def _on_refit(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = self._submit()
-        busy = 'a refit runs already' if self._worker.busy else 'there are no samples yet'
-        response.message = 'started; the result comes on ~/model' if response.success else busy
+        return self._ask('refit', '~/model', response)
+
+    def _on_diagnose(
+        self, request: Trigger.Request, response: Trigger.Response
+    ) -> Trigger.Response:
+        return self._ask('diagnosis', '~/diagnosis', response)
+
+    def _ask(self, kind: str, topic: str, response: Trigger.Response) -> Trigger.Response:
+        try:
+            target = self._next or self._configuration
+            self._work.ask(kind, self._pipeline, target, self.settings.value)
+            response.success, response.message = True, f'started; the result comes on {topic}'
+        except UserError as error:
+            response.success, response.message = False, str(error)
         return response
 
 

@@ -6,6 +6,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.refit import METHODS
 from motor_sysid.estimation.online import ESTIMATORS
 from motor_sysid.nodes.configuration import Configuration
+from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.parameters import parameter
 from motor_sysid.nodes.plant import parse_assignments
 from motor_sysid.nodes.topics import DEFAULT_SOURCES
@@ -30,6 +31,10 @@ class IdentifierSettings:
     nominal: tuple[str, ...] = parameter(
         (), 'Start values as name=number in SI units, where there is no model_file.'
     )
+    effects: tuple[str, ...] = parameter(
+        (), 'Effects that the model has, by key; empty at the start: those of the model_file.',
+        live=True,
+    )  # fmt: skip
     speed_sensor: str = parameter(
         'difference', 'How the drive measures speed, where there is no model_file: as the '
         'difference of the position over the last sample, or ideally.', '',
@@ -67,9 +72,16 @@ class IdentifierSettings:
         live=True,
     )
     refit_seed: int = parameter(0, 'Seed of the swarm.', '', 0, 2**31 - 1, live=True)
-    window_samples: int = parameter(
-        30_000, 'Samples kept for refits; more than that are never looked at.', '', 100, 10**7
+    diagnose_period: float = parameter(
+        0.0, 'Diagnose after this much sample time; 0 for on request only.', 's', 0, 1e5, live=True
     )
+    diagnose_window: float = parameter(
+        20.0, 'Length of data in a diagnosis.', 's', 1, 1e4, live=True
+    )
+    window_samples: int = parameter(
+        30_000, 'Samples kept for refits and diagnoses; more than that are never looked at.', '',
+        100, 10**7,
+    )  # fmt: skip
 
     def model(self) -> Model:
         """Return the model to start from."""
@@ -84,9 +96,10 @@ class IdentifierSettings:
 
     def configuration(self) -> Configuration:
         """Return what the estimates depend on."""
+        model = self.model()
         return Configuration(
-            self.model(), self.estimator, self.sample_time, self.estimate_rate,
-            self.prediction_rate, self.stamp_tolerance,
+            edited(model, self.effects or model.effects), self.estimator, self.sample_time,
+            self.estimate_rate, self.prediction_rate, self.stamp_tolerance,
         )  # fmt: skip
 
     def sources(self) -> tuple[Source, ...]:

@@ -146,6 +146,7 @@ class Settings(Generic[T]):
         self._node = node
         self._fields = {item.name: item for item in fields(cast(Any, kind))}
         self._changed: list[Callable[[T], None]] = []
+        self._tests: list[Callable[[T], None]] = []
         given = self._given()
         self.value: T = kind(
             **{name: checked(self._fields[name], value) for name, value in given.items()}
@@ -159,6 +160,10 @@ class Settings(Generic[T]):
     def on_change(self, callback: Callable[[T], None]) -> None:
         """Have `callback` called with the new settings after each change."""
         self._changed.append(callback)
+
+    def test_change(self, test: Callable[[T], None]) -> None:
+        """Have `test` called with new settings before they are taken; it may refuse them."""
+        self._tests.append(test)
 
     def _given(self) -> Mapping[str, object]:
         given: dict[str, object] = {}
@@ -194,7 +199,9 @@ class Settings(Generic[T]):
 
     def _check(self, parameters: list[Parameter]) -> SetParametersResult:
         try:
-            self._with(parameters)
+            value = self._with(parameters)
+            for test in self._tests if value != self.value else ():
+                test(value)
         except UserError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)

@@ -113,7 +113,8 @@ def replay(
     path:
         Bag folder or file.
     configuration:
-        What the identifier is set to; default: as recorded on ~/model.
+        What the identifier is set to all the time; default: as recorded on ~/model, with every
+        change at the sample at which it was made.
     sources:
         Which topic carries which signal.
     node:
@@ -127,9 +128,11 @@ def replay(
     begin = time.perf_counter()
     bag = Bag(path)
     recorded = _recorded_estimates(bag, node)
-    given = configuration or recorded_configuration(bag, node)
+    given, *changes = [configuration] if configuration else recorded_configurations(bag, node)
     plan = _plan(bag, given, sources)
     pipeline = given.pipeline(plan, _readers(bag, plan), window=2)
+    for change in changes:
+        pipeline.stream.change(change.make, change.since)
     if recorded:
         pipeline.start_at(sorted({one.first_stamp for one in recorded}))
     events = tuple(_run(bag, pipeline, plan.topics))
@@ -147,7 +150,15 @@ def replay(
 
 
 def recorded_configuration(bag: Bag, node: str = 'identifier') -> Configuration:
-    """Return the configuration that an identifier published on ~/model.
+    """Return the first of `recorded_configurations`."""
+    return recorded_configurations(bag, node)[0]
+
+
+def recorded_configurations(bag: Bag, node: str = 'identifier') -> list[Configuration]:
+    """Return the configurations that an identifier published on ~/model, in order.
+
+    Each holds from the sample with the stamp `since` on; the last one that was published for a
+    sample counts.
 
     Raises
     ------
@@ -161,7 +172,13 @@ def recorded_configuration(bag: Bag, node: str = 'identifier') -> Configuration:
             f'{bag.path} holds no configuration of an identifier (topic `{node}/model`); '
             'give `--model` and `--estimator`'
         )
-    return Configuration.from_texts(messages[0].statuses['configuration'])
+    found: list[Configuration] = []
+    for one in messages:
+        configuration = Configuration.from_texts(one.statuses['configuration'])
+        if found and found[-1].since == configuration.since:
+            found.pop()
+        found.append(configuration)
+    return found
 
 
 def _run(bag: Bag, pipeline: Pipeline, plans: Sequence[TopicPlan]) -> Iterator[Event]:

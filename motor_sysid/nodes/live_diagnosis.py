@@ -1,0 +1,178 @@
+"""A diagnosis of the last samples, as a job for the worker."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+import time
+from typing import TYPE_CHECKING
+
+from motor_sysid.physics.model import Model
+from motor_sysid.signals.record import Record
+
+if TYPE_CHECKING:
+    from motor_sysid.diagnosis import Candidate, Diagnosis
+
+SECOND = 1_000_000_000
+
+
+@dataclass(frozen=True)
+class Rung:
+    """One fitted model of the ladder: its combined errors in percent."""
+
+    model: Model
+    train_error_percent: float
+    validation_error_percent: float
+
+
+@dataclass(frozen=True)
+class DiagnosisOutcome:
+    """What a diagnosis said of a window, without the signals.
+
+    Attributes
+    ----------
+    verdict:
+        One of ``complete``, ``effect_missing``, ``ambiguous``, ``unknown_effect`` and
+        ``insufficient_data``.
+    effects:
+        What is missing, in order.
+    had:
+        Effects that the model had already.
+    reasons:
+        The verdict in plain words, most important first.
+    rungs:
+        The ladder: the model as it is, fitted, then one effect more in each row.
+    candidates:
+        Every effect that was tried, with its strongest evidence, best first.
+    held_until:
+        Stamp (ns) until which the model held, if something changed in the window; else None.
+    first_stamp, last_stamp:
+        Of the window, ns.
+    noise_floor_percent:
+        Error that sensor noise alone makes.
+    experiment, warnings:
+        What to record next, and what to know of the fit.
+    seconds:
+        Time taken.
+    """
+
+    verdict: str
+    effects: tuple[str, ...]
+    had: tuple[str, ...]
+    reasons: tuple[str, ...]
+    rungs: tuple[Rung, ...]
+    candidates: 'tuple[Candidate, ...]'
+    held_until: int | None
+    first_stamp: int
+    last_stamp: int
+    noise_floor_percent: float
+    experiment: Mapping[str, str]
+    warnings: tuple[str, ...]
+    seconds: float
+
+    @property
+    def summary(self) -> str:
+        """The verdict in one line."""
+        names = ', '.join(self.effects)
+        first = next((c for c in self.candidates if c.effect in self.effects), None)
+        evidence = f' (dBIC {first.delta_bic:.3g})' if first else ''
+        if self.verdict == 'ambiguous' and first:
+            return f'{names} or {" or ".join(first.confusable_with) or "another"}{evidence}'
+        return f'{names} missing{evidence}' if names else self.verdict.replace('_', ' ')
+
+    def model_with(self, effects: tuple[str, ...]) -> Model | None:
+        """Return the fitted model that has exactly these effects, if there is one."""
+        fitted = [rung.model for rung in self.rungs if set(rung.model.effects) == set(effects)]
+        return fitted[-1] if fitted else None
+
+    def values_of(self, key: str) -> dict[str, float]:
+        """Return the fitted parameters of an effect by symbol; none if it was not tried."""
+        for rung in reversed(self.rungs):
+            if key in rung.model.effects:
+                start = f'{key}.'
+                values = rung.model.parameters.values()
+                return {n.removeprefix(start): v for n, v in values.items() if n.startswith(start)}
+        for one in self.candidates:
+            if one.effect == key:
+                return {name: value for name, (value, _, _) in one.parameters.items()}
+        return {}
+
+
+@dataclass(frozen=True)
+class DiagnosisJob:
+    """What to diagnose.
+
+    Attributes
+    ----------
+    model:
+        The present model, with the present estimates.
+    record:
+        The window.
+    first_stamp, last_stamp:
+        Of the window, ns.
+    offset:
+        Time from the identifier's first sample to that of the window, s.
+    """
+
+    model: Model
+    record: Record
+    first_stamp: int
+    last_stamp: int
+    offset: float
+
+    def work(self) -> DiagnosisOutcome:
+        """Diagnose; see `motor_sysid.diagnosis`."""
+        from motor_sysid.diagnosis import diagnose
+        from motor_sysid.diagnosis.held import change_in_words, held_until
+
+        begin, model = time.perf_counter(), self.model
+        if model.effects:
+            found = diagnose([self.record], model=model)
+        else:
+            values = model.parameters.values()
+            found = diagnose([self.record], motor=model.motor, nominal=values)
+        held = held_until(found.model, self.record)
+        words = change_in_words(found.model, held, self.offset)
+        moment = _moment(found.model, held.time if held else None)
+        reasons = (found.reasons[0], words, *found.reasons[1:]) if words else found.reasons
+        outcome = self._outcome(found, reasons, moment)
+        return replace(outcome, seconds=time.perf_counter() - begin)
+
+    def _outcome(
+        self, found: 'Diagnosis', reasons: tuple[str, ...], moment: float | None
+    ) -> DiagnosisOutcome:
+        return DiagnosisOutcome(
+            verdict=found.verdict.value,
+            effects=found.effects,
+            had=self.model.effects,
+            reasons=reasons,
+            rungs=tuple(
+                Rung(s.model, s.train_error_percent, s.validation_error_percent)
+                for s in found.steps
+            ),
+            candidates=_candidates(found),
+            held_until=None if moment is None else self.first_stamp + round(moment * SECOND),
+            first_stamp=self.first_stamp,
+            last_stamp=self.last_stamp,
+            noise_floor_percent=found.noise_floor_percent,
+            experiment=dict(found.experiment or {}),
+            warnings=found.warnings,
+            seconds=0.0,
+        )
+
+
+def _moment(model: Model, held: float | None) -> float | None:
+    """Return the moment of the first change, s of the record."""
+    from motor_sysid.physics.effects import effect
+
+    names = [f'{key}.{name}' for key in model.effects if (name := effect(key).card.moment)]
+    return min((model[name] for name in names), default=held)
+
+
+def _candidates(found: 'Diagnosis') -> 'tuple[Candidate, ...]':
+    """Return every effect once, where its evidence was strongest, without its curve."""
+    best: dict[str, Candidate] = {}
+    for step in found.steps:
+        for one in step.candidates:
+            known = best.get(one.effect)
+            if known is None or (one.passes, one.delta_bic) > (known.passes, known.delta_bic):
+                best[one.effect] = replace(one, curve=None)
+    return tuple(sorted(best.values(), key=lambda c: (not c.passes, -c.delta_bic)))

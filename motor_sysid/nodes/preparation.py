@@ -1,0 +1,63 @@
+"""Make the estimator of a new configuration beside the running one."""
+
+from collections.abc import Callable
+import threading
+
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.online import OnlineIdentifier
+from motor_sysid.nodes.configuration import Configuration
+
+
+class Preparation:
+    """An estimator in the making, in a thread: the first one of its kind has to be compiled.
+
+    Parameters
+    ----------
+    build:
+        Returns the configuration; called in the thread.
+    sample_time:
+        What the estimator is made for, s; 0 if it is not known yet.
+    """
+
+    def __init__(self, build: Callable[[], Configuration], sample_time: float) -> None:
+        self._build, self._sample_time = build, sample_time
+        self._ready: OnlineIdentifier | None = None
+        self._configuration: Configuration | None = None
+        self._problem: UserError | None = None
+        self._thread = threading.Thread(target=self._prepare, daemon=True)
+        self._thread.start()
+
+    @property
+    def running(self) -> bool:
+        """Whether it is not done yet."""
+        return self._thread.is_alive()
+
+    def _prepare(self) -> None:
+        try:
+            self._configuration = self._build()
+            self._configuration.warm_up()
+            if self._sample_time:
+                self._ready = self._configuration.make(self._sample_time)
+        except UserError as problem:
+            self._problem = problem
+
+    def configuration(self) -> Configuration:
+        """Return the configuration, once it is done.
+
+        Raises
+        ------
+        UserError
+            If there can be no such estimator.
+        """
+        self._thread.join()
+        if self._problem is not None:
+            raise self._problem
+        assert self._configuration is not None, 'the thread ended with a traceback'
+        return self._configuration
+
+    def make(self, sample_time: float) -> OnlineIdentifier:
+        """Return the estimator that was made, once; then fresh ones."""
+        ready, self._ready = self._ready, None
+        if ready is not None and sample_time == self._sample_time:
+            return ready
+        return self.configuration().make(sample_time)

@@ -1,0 +1,125 @@
+"""Long work in one process of its own, so that the node keeps up with its topics meanwhile."""
+
+from dataclasses import dataclass
+import multiprocessing
+from multiprocessing.connection import Connection
+import os
+import signal
+import threading
+import time
+from typing import Protocol
+
+from motor_sysid.errors import UserError
+
+NICENESS = 10
+"""The worker gives way to the nodes."""
+
+
+class Job(Protocol):
+    """What the worker can do; it is sent to the process, and what it returns is sent back."""
+
+    def work(self) -> object:
+        """Do it and return the outcome; a `UserError` says that the data do not allow it."""
+
+
+@dataclass(frozen=True)
+class Failed:
+    """A job that came to nothing.
+
+    Attributes
+    ----------
+    reason:
+        Why, in words.
+    """
+
+    reason: str
+
+
+@dataclass(frozen=True)
+class Done:
+    """A job and what came of it: `outcome` is `Failed` or what its `work` returned."""
+
+    job: Job
+    outcome: object
+    seconds: float
+
+
+class Worker:
+    """One process that works on one job at a time.
+
+    Sending a job may have to wait until the process has started, so a thread does it.
+    """
+
+    def __init__(self) -> None:
+        self._process: multiprocessing.process.BaseProcess | None = None
+        self._thread: threading.Thread | None = None
+        self._done: Done | None = None
+        self.job: Job | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether a job is being worked on, or its outcome waits to be taken."""
+        return self.job is not None
+
+    def start(self) -> None:
+        """Start the process, if it does not run; its imports then do not delay the first job."""
+        if self._process is not None and self._process.is_alive():
+            return
+        context = multiprocessing.get_context('spawn')
+        self._connection, theirs = context.Pipe()
+        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process.start()
+        theirs.close()
+
+    def submit(self, job: Job) -> bool:
+        """Give a job; False if the worker is busy."""
+        if self.busy:
+            return False
+        self.start()
+        self._done, self.job = None, job
+        self._thread = threading.Thread(target=self._exchange, args=(job,), daemon=True)
+        self._thread.start()
+        return True
+
+    def poll(self) -> Done | None:
+        """Return what came of the job once, when it is there."""
+        done = self._done
+        if done is None or self._thread is None:
+            return None
+        self._thread.join()
+        self._thread = self._done = self.job = None
+        return done
+
+    def close(self) -> None:
+        """End the process, whatever it is doing."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.join(2.0)
+
+    def _exchange(self, job: Job) -> None:
+        begin = time.perf_counter()
+        try:
+            self._connection.send(job)
+            outcome: object = self._connection.recv()
+        except (EOFError, OSError):
+            outcome = Failed('the worker process ended')
+        self._done = Done(job, outcome, time.perf_counter() - begin)
+
+
+def _serve(connection: Connection) -> None:
+    """Work on jobs until the other end is closed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICENESS)
+    while True:
+        try:
+            job: Job = connection.recv()
+            connection.send(_outcome(job))
+        except (EOFError, OSError):
+            return
+
+
+def _outcome(job: Job) -> object:
+    try:
+        return job.work()
+    except UserError as error:
+        return Failed(str(error))
