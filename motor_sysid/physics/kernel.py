@@ -33,7 +33,7 @@ CHUNK = 3
 @njit(cache=True, nogil=True, error_model='numpy')
 def run_block(  # type: ignore[no-untyped-def]
     whole, phi1_force, phi2_force, width, wide, substeps, dt, t0, first,
-    inputs, late, position, buffer, base, state,
+    inputs, late, position, push, buffer, base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_address, lane_own, lane_state, stiff_count, stiff_force,
     rate_address, rate_own, rate_state, memory_offset, memory_rate, memory_fades,
@@ -64,6 +64,9 @@ def run_block(  # type: ignore[no-untyped-def]
         (W,) whole samples that the input is late by.
     position:
         (N,) measured position for laws that depend on it, or empty.
+    push:
+        (N, 2, m, W) forces from outside at the start and at the end of each sample, between which
+        they change linearly; or empty.
     buffer, base:
         Flat work memory and its address; rows are described in `motor_sysid.physics.lanes`, the
         last `ROWS` of them in `motor_sysid.physics.implicit`.
@@ -99,7 +102,7 @@ def run_block(  # type: ignore[no-untyped-def]
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
     now, h, here, there = np.zeros((4, LANES))
-    follows = position.shape[0] > 0
+    follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = -1
     for j in range(n):
         if state_rows[j] == 2:
@@ -128,7 +131,7 @@ def run_block(  # type: ignore[no-untyped-def]
         for part in range(pieces * substeps):
             piece = part // substeps
             hold_input(wide, u, inputs, late, sample - (pieces - 1 - piece))
-            if n_lanes + n_slopes + n_memory == 0:
+            if n_lanes + n_slopes + n_memory == 0 and not pushed:
                 predict(wide, predicted, whole[piece], all_in)
                 for j in range(n):
                     for k in range(wide):
@@ -154,6 +157,8 @@ def run_block(  # type: ignore[no-untyped-def]
             call_all(wide, base, lane_calls, 0, stiff_count)
             keep(wide, begun, p, force_rows)
             call_all(wide, base, lane_calls, stiff_count, n_lanes)
+            if pushed:
+                add_push(wide, p, force_rows, push[sample], now, begins, dt)
             if n_slopes > 0:
                 add_rate_laws(
                     wide, p, base, x, u, linear, slope_calls, slope_force, slope_rows,
@@ -193,6 +198,8 @@ def run_block(  # type: ignore[no-untyped-def]
             call_all(wide, base, lane_calls, 0, stiff_count)
             keep(wide, start, p, force_rows)
             call_all(wide, base, lane_calls, stiff_count, n_lanes)
+            if pushed:
+                add_push(wide, p, force_rows, push[sample], now, begins, dt)
             if n_slopes > 0:
                 add_rate_laws(
                     wide, p, base, predicted, u, linear, slope_calls, slope_force, slope_rows,
@@ -247,6 +254,16 @@ def show(  # type: ignore[no-untyped-def]
             row = sensor[y] * LANES
             for k in range(wide):
                 out[y, k] += p[row + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def add_push(wide, p, force_rows, push, now, begins, dt):  # type: ignore[no-untyped-def]
+    """Add the forces from outside, (2, m, W) at both ends of the sample, at the time `now`."""
+    for j in range(push.shape[1]):
+        row = force_rows[j] * LANES
+        for k in range(wide):
+            share = (now[k] - begins) / dt
+            p[row + k] += push[0, j, k] + share * (push[1, j, k] - push[0, j, k])
 
 
 @njit(cache=True, nogil=True, error_model='numpy')

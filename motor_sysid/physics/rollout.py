@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -105,6 +106,10 @@ class Program:
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors = calls.slopes, calls.sensors
 
+    @cached_property
+    def _unpushed(self) -> Array:
+        return np.empty((0, 2, len(self.kind.forces), LANES))
+
     def _aim_outputs(self) -> None:
         known = {output.signal: output for output in self.kind.outputs}
         motor_names = [p.name for p in self.kind.parameters]
@@ -158,6 +163,7 @@ class Program:
         drives: Sequence[Drive],
         initials: Sequence[Array],
         *,
+        pushes: Sequence[Array] = (),
         substeps: int = 1,
         threads: int = 1,
     ) -> list[Array]:
@@ -174,6 +180,9 @@ class Program:
             Inputs of each stretch.
         initials:
             For each stretch (P, n) initial states, or (n,) for all.
+        pushes:
+            For each stretch (N, 2, m, P) forces from outside, at the start and at the end of each
+            sample, in the order of the motor's forces; or nothing.
         substeps:
             Integration steps per sample.
         threads:
@@ -191,7 +200,13 @@ class Program:
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
 
         def one(block: slice) -> list[Array]:
-            return self._run_block(table[:, block], drives, [s[block] for s in states], substeps)
+            return self._run_block(
+                table[:, block],
+                drives,
+                [state[block] for state in states],
+                [push[..., block] for push in pushes] or [self._unpushed] * len(drives),
+                substeps,
+            )
 
         if threads > 1 and len(blocks) > 1:
             with ThreadPoolExecutor(threads) as pool:
@@ -203,19 +218,24 @@ class Program:
         return [np.concatenate(pieces, axis=2) for pieces in zip(*parts, strict=True)]
 
     def _run_block(
-        self, table: Array, drives: Sequence[Drive], states: Sequence[Array], substeps: int
+        self,
+        table: Array,
+        drives: Sequence[Drive],
+        states: Sequence[Array],
+        pushes: Sequence[Array],
+        substeps: int,
     ) -> list[Array]:
         used = table.shape[1]
         workspace = self.workspace(table, drives[0].dt, substeps)
         results: list[Array] = []
-        for drive, start in zip(drives, states, strict=True):
+        for drive, start, push in zip(drives, states, pushes, strict=True):
             x = np.empty((len(self.kind.states), LANES))
             x[:, :used] = start.T
             x[:, used:] = start.T[:, :1]
             if not results:
                 self.begin(workspace, x)
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
-            self.advance(workspace, x, drive, substeps, outputs)
+            self.advance(workspace, x, drive, substeps, outputs, push=_filled(push))
             results.append(outputs[:, :, :used])
         return results
 
@@ -262,6 +282,7 @@ class Program:
         substeps: int,
         outputs: Array,
         first: int = 0,
+        push: Array | None = None,
     ) -> None:
         """Run the kernel over the drive; `x` (n, 32) and the workspace keep the final state.
 
@@ -278,6 +299,7 @@ class Program:
             drive.inputs,
             workspace.late,
             drive.position,
+            self._unpushed if push is None else push,
             workspace.buffer,
             workspace.buffer.ctypes.data,
             x,
@@ -354,6 +376,15 @@ def simulate(
     values = {name: np.array([value]) for name, value in model.parameters.values().items()}
     run = program.run(values, drive, state, substeps=substeps)
     return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})
+
+
+def _filled(push: Array) -> Array:
+    """Return forces from outside with every lane of a block filled."""
+    if push.shape[0] == 0:
+        return push
+    full = np.zeros((*push.shape[:3], LANES))
+    full[..., : push.shape[3]] = push
+    return full
 
 
 def _joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
