@@ -35,6 +35,11 @@ class Share:
         half = _Z * np.sqrt(p * (1 - p) / n + _Z**2 / (4 * n**2)) / (1 + _Z**2 / n)
         return max(float(centre - half), 0.0), min(float(centre + half), 1.0)
 
+    @property
+    def brief(self) -> str:
+        """Count and share in percent; empty where nothing was tried."""
+        return f'{self.count}/{self.total} ({100 * self.value:.0f} %)' if self.total else ''
+
     def __str__(self) -> str:
         """Return count, share and limits for a table."""
         if not self.total:

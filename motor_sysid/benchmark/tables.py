@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from motor_sysid.benchmark.equivalences import same_as
+from motor_sysid.benchmark.equivalences import invisible, same_as
 from motor_sysid.benchmark.outcome import Outcome, Result
 from motor_sysid.benchmark.peers import PEERS
 from motor_sysid.benchmark.statistics import Share
@@ -103,7 +103,8 @@ def peer_table(results: Sequence[Result]) -> Table:
     return Table(
         'Peers on the same records',
         'Exact set: all that is hidden and nothing else. The peers cannot say "unknown", so a '
-        'withheld effect counts as a false name whenever they name anything.',
+        'withheld effect counts as a false name whenever they name anything. Without effects that no '
+        'record shows.',
         ('method', 'false alarm, complete', 'one effect: first', 'one effect: exact set',
          'two effects: exact set', 'withheld: names something', 'median time'),
         tuple(rows) if names and shared else (),
@@ -284,6 +285,10 @@ def _sigmas(results: Sequence[Result], which: str) -> dict[str, list[float]]:
     return found
 
 
+def _unseen(r: Result) -> bool:
+    return len(r.effects) == 1 and invisible(r.effects[0])
+
+
 def _peer_row(
     title: str,
     results: Sequence[Result],
@@ -291,8 +296,8 @@ def _peer_row(
     seconds: Callable[[Result], float],
 ) -> tuple[Cell, ...]:
     def share(category: str, happened: Callable[[Result], bool]) -> str:
-        mine = [r for r in results if r.category == category]
-        return str(Share(sum(map(happened, mine)), len(mine)))
+        mine = [r for r in results if r.category == category and not _unseen(r)]
+        return Share(sum(map(happened, mine)), len(mine)).brief
 
     def first(r: Result) -> bool:
         return bool(named(r)) and any(named(r)[0] in one for one in same_as(frozenset(r.effects)))

@@ -138,6 +138,8 @@ def _names(results: Sequence[Result]) -> list[Rate]:
         Rate('effect not in the catalogue: a wrong neighbour named', _share(absent, _wrong),
              Goal(highest=0.1)),
         Rate('effect not in the catalogue: said to be unknown', _share(absent, _right)),
+        Rate('effect not in the catalogue: said to be unknown, where visible',
+             _share([r for r in absent if visible(r)], _right)),
     ]  # fmt: skip
 
 

@@ -3,11 +3,13 @@
 E-SINDy (Fasel, Kutz, Brunton and Brunton 2022, doi:10.1098/rspa.2021.0904): sequentially
 thresholded least squares over bags of rows; a term is named if it survives in most bags.  The base
 columns are projected out first, so that they are never thresholded away, and of the shapes of an
-effect the best fitting one takes part.  One sensible setting, not tuned.
+effect the best fitting one takes part.  The threshold is the best of 0.002, 0.005, 0.01, 0.02 and
+0.05 on 18 cases of another seed (exact set in 0, 0, 0, 5 and 7 of them).
 """
 
 from collections.abc import Sequence
 import importlib
+import warnings
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,9 +19,9 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-BAGS = 50
+BAGS = 20
 INCLUSION = 0.6
-THRESHOLD = 0.02
+THRESHOLD = 0.05
 """Share of the bags in which a named term survives, and size of a term, relative to the RMS of the
 left-hand side, below which it does not."""
 
@@ -90,7 +92,9 @@ def _ensemble(library: Array, target: Array) -> Array:
         ensemble = optimizers.EnsembleOptimizer(
             optimizers.STLSQ(threshold=THRESHOLD, alpha=1e-6), bagging=True, n_models=BAGS
         )
-        ensemble.fit(library, target[:, None])
+        with warnings.catch_warnings():
+            warnings.simplefilter('ignore')  # it warns where it keeps nothing, which is an answer
+            ensemble.fit(library, target[:, None])
     finally:
         np.random.set_state(state)  # noqa: NPY002
     return np.array(ensemble.coef_list)[:, 0, :]
