@@ -55,6 +55,8 @@ setup(
             f'ros-rclpy[fastrtps]==7.1.6{WHEELS}',
             f'ros-jazzy-common-interfaces==5.3.6{WHEELS}',
         ],
+        # A peer that `motor-sysid benchmark` compares with, where it is there.
+        'bench': ['pysindy>=2.0'],
         'test': ['hypothesis', 'playwright', 'pytest>=7.4', 'pytest-timeout>=2.2'],
         'dev': [
             'colcon-bash',

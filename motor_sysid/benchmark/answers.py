@@ -1,7 +1,8 @@
 """The true values of a model's parameters, where the model's law is the law of the true motor.
 
 The laws of `motor_sysid.benchmark.truth` are not copies of those in the catalogue.  Where the two
-differ in shape (Stribeck, saturation) there is no true value: the entry then only starts a fit.
+differ in shape (Stribeck, LuGre, saturation) there is no true value: the entry then only starts a
+fit.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,11 +18,12 @@ from motor_sysid.benchmark.sensors import Sensors
 
 @dataclass(frozen=True)
 class Bench:
-    """True motor, its sensors and its data sheet."""
+    """True motor, its sensors, its data sheet, and the sample time in s."""
 
     plant: Plant
     sensors: Sensors
     sheet: DataSheet
+    dt: float
 
 
 Values = Mapping[str, float]
@@ -83,6 +85,60 @@ def _shaft(b: Bench) -> Values:
     }
 
 
+def _backlash(b: Bench) -> Values:
+    return {**_shaft(b), 'phi_g': b.plant.gap}
+
+
+def _drift(b: Bench) -> Values:
+    return {'d_c': b.plant.drift_dry, 'd_v': b.plant.drift_viscous}
+
+
+def _load_step(b: Bench) -> Values:
+    return {'tau_l': b.plant.step_torque, 't_on': b.plant.step_time, 'rise': 2 * b.dt}
+
+
+def _inertia(b: Bench) -> Values:
+    return {'g': b.plant.inertia_gain, 't_on': b.plant.inertia_time, 'rise': 2 * b.dt}
+
+
+def _swing(b: Bench) -> Values:
+    p = b.plant
+    return {
+        'a': p.swing * np.sin(p.swing_angle),
+        'b': p.swing * np.cos(p.swing_angle),
+        'f': p.frequency,
+    }
+
+
+def _ripple(b: Bench) -> Values:
+    p = b.plant
+    return {
+        'a': p.ripple * np.sin(p.ripple_angle),
+        'b': p.ripple * np.cos(p.ripple_angle),
+        'n': p.ripple_order,
+    }
+
+
+def _iron(b: Bench) -> Values:
+    return {'k_x': b.plant.iron}
+
+
+def _dead_time(b: Bench) -> Values:
+    return {'v_d': b.plant.v_dead, 'i_0': b.plant.i_dead}
+
+
+def _coast(b: Bench) -> Values:
+    return {'a': b.plant.coast, 'u_c': b.plant.coast_voltage}
+
+
+def _current_lag(b: Bench) -> Values:
+    return {'lag': b.plant.current_lag}
+
+
+def _speed_lag(b: Bench) -> Values:
+    return {'lag': b.sensors.speed_filter}
+
+
 def _speed_offset(b: Bench) -> Values:
     return {'o': b.sensors.speed_offset}
 
@@ -97,6 +153,22 @@ def _saturation(b: Bench) -> Values:
     return {'s': (1 - 1 / np.hypot(1, current / b.plant.i_sat)) / current}
 
 
+def _soft_iron(b: Bench) -> Values:
+    return {'s': b.plant.soft, 'i_s': b.plant.i_soft}
+
+
+def _lugre(b: Bench) -> Values:
+    p = b.plant
+    stiffness = p.bristle / p.bend
+    return {
+        'tau_c': p.bristle,
+        's': p.stiction,
+        'omega_s': p.omega_s,
+        'z_s': p.bend,
+        't_b': 2 * np.sqrt(p.J / stiffness),
+    }
+
+
 EXACT: dict[str, Answer] = {
     'coulomb_friction': _coulomb,
     'asymmetric_coulomb_friction': _asymmetric,
@@ -108,18 +180,34 @@ EXACT: dict[str, Answer] = {
     'brush_voltage_drop': _brushes,
     'armature_heating': _heating,
     'flexible_shaft': _shaft,
+    'backlash': _backlash,
+    'friction_drift': _drift,
+    'load_torque_step': _load_step,
+    'inertia_change': _inertia,
+    'periodic_load': _swing,
+    'torque_ripple': _ripple,
+    'iron_loss': _iron,
+    'inverter_dead_time': _dead_time,
+    'drive_coast': _coast,
+    'current_sensor_lag': _current_lag,
     'speed_sensor_offset': _speed_offset,
 }
 """Effects whose law in the true motor is the catalogue's."""
 
 NEAR: dict[str, Answer] = {
     'stribeck_friction': _stribeck,
+    'lugre_friction': _lugre,
+    'inductance_saturation': _soft_iron,
+    'speed_sensor_lag': _speed_lag,
     'torque_constant_saturation': _saturation,
 }
 """Effects whose law differs in shape: values to start from."""
 
-ANGULAR = frozenset({'gravity_load', 'cogging_torque'})
+ANGULAR = frozenset({'gravity_load', 'cogging_torque', 'torque_ripple'})
 """Effects whose parameters have a true value only where the position is recorded."""
+
+
+_SHAFTS = {'flexible_shaft', 'backlash'}
 
 
 def true_effect_values(case: Case) -> dict[str, float]:
@@ -143,17 +231,18 @@ def start_values(case: Case, key: str) -> dict[str, float] | None:
 def true_base_values(case: Case, effects: tuple[str, ...] = ()) -> dict[str, float]:
     """Return base parameter to its true value, for a model with the given effects.
 
-    A wrong scale of the current sensor belongs to the base parameters (see `equivalences`), and
-    the inertia behind a flexible shaft to the shaft as soon as the model has one.
+    A wrong scale of a sensor belongs to the base parameters (see `equivalences`), and the inertia
+    behind a shaft to the shaft as soon as the model has one.
     """
-    p, scale = case.setting.plant, case.setting.sensors.current_scale
-    inertia = p.J * (1 - p.share) if 'flexible_shaft' in effects else p.J
-    if 'current_sensor_scale' in effects:
-        scale = 1.0
+    p, sensors = case.setting.plant, case.setting.sensors
+    i = 1.0 if 'current_sensor_scale' in effects else sensors.current_scale
+    w = 1.0 if 'speed_sensor_scale' in effects else sensors.speed_scale
+    inertia = p.J * (1 - p.share) if _SHAFTS & set(effects) else p.J
     return {
-        'R': p.R / scale, 'L': p.L / scale, 'k_t': p.k, 'J': inertia * scale, 'b': p.b * scale,
+        'R': p.R / i, 'L': p.L / i, 'k_t': p.k / w, 'J': inertia * i / w**2, 'b': p.b * i / w**2,
     }  # fmt: skip
 
 
 def _bench(case: Case) -> Bench:
-    return Bench(case.setting.plant, case.setting.sensors, case.setting.sheet)
+    s = case.setting
+    return Bench(s.plant, s.sensors, s.sheet, s.dt)

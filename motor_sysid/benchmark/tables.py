@@ -103,8 +103,8 @@ def peer_table(results: Sequence[Result]) -> Table:
     return Table(
         'Peers on the same records',
         'Exact set: all that is hidden and nothing else. The peers cannot say "unknown", so a '
-        'withheld effect counts as a false name whenever they name anything. Without effects that no '
-        'record shows.',
+        'withheld effect counts as a false name whenever they name anything. Effects that no '
+        'record shows are left out.',
         ('method', 'false alarm, complete', 'one effect: first', 'one effect: exact set',
          'two effects: exact set', 'withheld: names something', 'median time'),
         tuple(rows) if names and shared else (),
