@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 import inspect
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,8 @@ Bins = NDArray[np.intp]
 
 BINS, TURN_BINS, HEAT_BINS = 24, 72, 8
 MAP_COLUMNS, MAP_ROWS = 14, 10
+
+OWN_TIME = 'time in the recording'
 
 HEAT = 'q'
 """Own state of effects of temperature: the loss energy that the winding holds."""
@@ -109,6 +112,22 @@ def _clock(records: Sequence[Record]) -> Axis:
     ends = np.cumsum([0.0, *(r.duration + r.dt for r in records)])
     clocks = tuple(r.time - r.time[0] + begin for r, begin in zip(records, ends, strict=False))
     return Axis('time', 's', clocks, _spaced(0.0, float(ends[-1]), BINS))
+
+
+def own_time(records: Sequence[Record]) -> dict[str, Axis]:
+    """Return the time within each recording as an axis, where there are several recordings.
+
+    Stretches of one recording keep its clock.
+    """
+    begins: dict[str, float] = {}
+    for r in records:
+        source = r.provenance.source
+        begins[source] = min(begins.get(source, np.inf), float(r.time[0]))
+    clocks = tuple(r.time - begins[r.provenance.source] for r in records)
+    if len(records) < 2 or all(a[-1] <= b[0] for a, b in pairwise(clocks)):
+        return {}
+    end = max(float(clock[-1]) for clock in clocks)
+    return {OWN_TIME: Axis(OWN_TIME, 's', clocks, _spaced(0.0, end, BINS))}
 
 
 def _heat(

@@ -10,6 +10,9 @@ complete model ``f`` is filtered sensor noise and nothing else.
 What a small change of the base parameters would do is a linear combination of known terms and is
 taken out (`orthogonal`): the rest is what no choice of base parameters can explain.
 (Orthogonalised discrepancy: Plumlee 2017, doi:10.1080/01621459.2016.1211016.)
+
+Axes and terms are simulated signals as far as possible: with measured ones each equation would
+explain its own error, for what is lacking moves the current and the speed that are measured.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,7 +36,7 @@ WINDOW = 12
 CERTAIN = 3.0
 """Standard deviations beyond which a smoothed error is taken for motion and not for noise."""
 
-_KERNEL = np.hanning(WINDOW + 2)[1:-1] / np.sum(np.hanning(WINDOW + 2))
+KERNEL = np.hanning(WINDOW + 2)[1:-1] / np.sum(np.hanning(WINDOW + 2))
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ class Lack:
     Attributes
     ----------
     states:
-        State or input to (N,) values as far as they are known: simulated, and measured where the
-        error is beyond noise.
+        State or input to (N,) values: simulated, but for a speed measured where its error is
+        beyond noise, and for a measured position.
     forces:
         Equation to (N,) N m or V.
     terms:
@@ -78,8 +81,9 @@ def lack_of(
     simulated = _core_states(model, record, predicted, biased=True)
     error = _errors(model, record, predicted, truth)
     motion = {name: _beyond_noise(values) for name, values in error.items()}
-    states = {n: v + motion[n] if n in motion else v for n, v in simulated.items()}
-    extra = _own_force(model, states, simulated)
+    moved = {n: v + motion[n] if n in motion else v for n, v in simulated.items()}
+    extra = _own_force(model, moved, simulated)
+    states = {**simulated, 'omega': moved['omega']}
     forces, terms = {}, {}
     a, g = _core(model)
     for column, force in enumerate(model.kind.forces):
@@ -93,7 +97,7 @@ def lack_of(
         raw = (slope - _between(pulled)) / gain - _between(extra[force.name])
         forces[force.name] = smoothed(raw)
         terms[force.name] = {
-            **_terms(model, force.name, states, record.dt),
+            **_terms(model, force.name, states, simulated, record.dt),
             **_biases(model, a[row] / gain, len(record)),
         }
     return Lack(states, forces, terms)
@@ -101,8 +105,8 @@ def lack_of(
 
 def smoothed(between: Array) -> Array:
     """Smooth (N - 1,) values between samples to (N,) values at the samples."""
-    total = np.convolve(between, _KERNEL)
-    weight = np.convolve(np.ones_like(between), _KERNEL)
+    total = np.convolve(between, KERNEL)
+    weight = np.convolve(np.ones_like(between), KERNEL)
     first = WINDOW // 2 - 1
     result: Array = (total / weight)[first : first + between.size + 1]
     return result
@@ -212,7 +216,7 @@ def _beyond_noise(error: Array) -> Array:
     smooth = smoothed(_between(error))
     rest = error - smooth
     noise = 1.4826 * float(np.median(np.abs(rest - np.median(rest))))
-    limit = CERTAIN * noise * float(np.sqrt(np.sum(_KERNEL**2)))
+    limit = CERTAIN * noise * float(np.sqrt(np.sum(KERNEL**2)))
     return np.where(np.abs(smooth) > limit, smooth, 0.0)
 
 
@@ -243,7 +247,13 @@ def _core(model: Model) -> tuple[Array, Array]:
     return a, g
 
 
-def _terms(model: Model, force: str, states: Mapping[str, Array], dt: float) -> dict[str, Array]:
+def _terms(
+    model: Model,
+    force: str,
+    states: Mapping[str, Array],
+    simulated: Mapping[str, Array],
+    dt: float,
+) -> dict[str, Array]:
     """Return free base parameter to the derivative of the lacking force by it."""
     free = {p.name for p in model.parameters.free}
     found: dict[str, Array] = {}
@@ -255,7 +265,8 @@ def _terms(model: Model, force: str, states: Mapping[str, Array], dt: float) -> 
     ]
     for sign, term in signed:
         if term.parameter in free and all(n in states for n in term.signals):
-            part = sign * smoothed(_signal(model, term, states, dt))
+            motion = simulated if term.derivative else states
+            part = sign * smoothed(_signal(model, term, motion, dt))
             found[term.parameter] = found.get(term.parameter, 0.0) + part
     return found
 

@@ -139,6 +139,73 @@ class Map:
 
 
 @dataclass(frozen=True)
+class AxisShare:
+    """How much of what an equation lacks is a function of one axis.
+
+    Attributes
+    ----------
+    equation, quantity, unit:
+        ``torque`` or ``voltage``; what people call its lack; its unit.
+    axis:
+        ``direction``, ``speed``, ``current``, ``input``, ``position``, ``time``, ``temperature``,
+        ``recent input``, or ``speed and current``.
+    share:
+        Share of the mean square beyond sensor noise that a free function of the axis predicts in
+        blocks of time that it was not fitted to, 0 to 1.
+    certainty:
+        Gain of that prediction over its standard error.
+    best:
+        Whether this is the axis on which the equation's lack lives.
+    """
+
+    equation: str
+    quantity: str
+    unit: str
+    axis: str
+    share: float
+    certainty: float
+    best: bool = False
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """What an equation lacks, as a function of the axis on which it lives.
+
+    Attributes
+    ----------
+    equation, quantity, unit:
+        ``torque`` or ``voltage``; what people call its lack; its unit.
+    rms, noise:
+        RMS of what is lacking beyond the base parameters, and of what sensor noise makes of it.
+    axis:
+        The axis, empty if none explains it.
+    share:
+        See `AxisShare`.
+    shape, amplitude:
+        Its shape in words, and its size; empty and NaN where no simple shape comes near.
+    words:
+        All of this as a sentence.
+    axes:
+        All axes that were tried, best first.
+    curve:
+        The lack along the axis with its band, and the shape as its law; None without an axis.
+    """
+
+    equation: str
+    quantity: str
+    unit: str
+    rms: float
+    noise: float
+    axis: str
+    share: float
+    shape: str
+    amplitude: float
+    words: str
+    axes: tuple[AxisShare, ...]
+    curve: Curve | None = None
+
+
+@dataclass(frozen=True)
 class Candidate:
     """One effect, tried on top of one model.
 
@@ -238,6 +305,10 @@ class Diagnosis:
         What to record next, if that would help.
     seconds:
         Time taken.
+    warnings:
+        What the fit has to say.
+    unknown:
+        For each equation, what it lacks and on which axis, where something unknown remains.
     """
 
     verdict: Verdict
@@ -251,6 +322,7 @@ class Diagnosis:
     experiment: Mapping[str, str] | None = None
     seconds: float = 0.0
     warnings: tuple[str, ...] = field(default_factory=tuple)
+    unknown: tuple[Unknown, ...] = ()
 
     @property
     def model(self) -> Model:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.axes import axes_of, Axis, MAP_COLUMNS, MAP_ROWS
-from motor_sysid.diagnosis.bands import bin_means, Binned, BLOCK
+from motor_sysid.diagnosis.bands import bin_means, BLOCK
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal, Share, share_of, smoothed
 from motor_sysid.diagnosis.residual import lacking_name
 from motor_sysid.diagnosis.result import ChannelError, Curve, Map, Where
@@ -123,10 +123,8 @@ def curves_by(
     """Return what each equation lacks along each axis, with bands."""
     curves = []
     for name, unit in _equations(model, lacks):
-        values = [one.forces[name] for one in lacks]
         for axis in axes.values():
-            binned = bin_means(axis.places(), values, axis.count)
-            drawn = _curve(axis, lacking_name(model, name), unit, binned)
+            drawn = curve_on(axis, lacking_name(model, name), unit, name, lacks)
             if drawn is not None:
                 curves.append(drawn)
     return curves
@@ -154,7 +152,11 @@ def centres_of(axis: Axis) -> Array:
     return np.where(inside, mean, middle)
 
 
-def _curve(axis: Axis, quantity: str, unit: str, binned: Binned) -> Curve | None:
+def curve_on(
+    axis: Axis, quantity: str, unit: str, force: str, lacks: Sequence[Lack]
+) -> Curve | None:
+    """Return what one equation lacks along one axis; None where too few bins are filled."""
+    binned = bin_means(axis.places(), [one.forces[force] for one in lacks], axis.count)
     known = np.isfinite(binned.band)
     if np.sum(known) < (2 if axis.name == 'direction' else FEWEST):
         return None

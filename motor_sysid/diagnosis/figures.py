@@ -1,0 +1,18 @@
+"""Numbers as people write them, with a unit and its prefix."""
+
+import math
+
+_PREFIXES = ((1e6, 'M'), (1e3, 'k'), (1.0, ''), (1e-3, 'm'), (1e-6, 'µ'), (1e-9, 'n'))
+_NONE = ('1', 'rad', '%', '')
+
+
+def with_unit(value: float, unit: str, digits: int = 3) -> str:
+    """Return a value with its unit, prefixed where that is usual: ``3.1 mN m``."""
+    if unit in _NONE or unit.startswith(('kg', 'ohm')) or not math.isfinite(value) or value == 0:
+        plain = f'{value:.{digits}g}'
+        return plain if unit in ('1', '') else f'{plain} {unit}'
+    size = abs(value)
+    if 0.1 <= size < 1e4 or size < 1e-9:
+        return f'{value:.{digits}g} {unit}'
+    factor, letter = next((f, p) for f, p in _PREFIXES if size >= 0.9995 * f or f == 1e-9)
+    return f'{value / factor:.{digits}g} {letter}{unit}'
