@@ -59,7 +59,8 @@ def _section(table: Table) -> str:
 def _cell(cell: Cell) -> str:
     if not cell.tone:
         return f'<td>{escape(cell.text)}</td>'
-    strength = round(12 + 48 * cell.weight)
+    least = 35 if cell.tone == 'bad' else 12  # a single wrong name must be seen
+    strength = round(least + (60 - least) * cell.weight)
     return f'<td class="{cell.tone}" style="--part:{strength}%">{escape(cell.text)}</td>'
 
 

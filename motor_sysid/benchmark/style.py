@@ -26,6 +26,7 @@ tr:last-child > * { border-bottom: 0; }
 th[scope=row] { text-align: left; position: sticky; left: 0; background: var(--paper);
   border-right: 1px solid var(--line); }
 thead th { position: sticky; top: 0; background: var(--head); font-weight: 600; z-index: 1;
+  white-space: normal;
   vertical-align: bottom; }
 thead th:first-child { left: 0; z-index: 2; text-align: left; }
 td.text { text-align: left; white-space: normal; min-width: 30ch; }
