@@ -6,8 +6,9 @@ from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, climb, Rung, Trial, try_effect
 from motor_sysid.diagnosis.result import Where
-from motor_sysid.diagnosis.score import score, variants
+from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, observed_outputs
 from motor_sysid.physics.effects import effect

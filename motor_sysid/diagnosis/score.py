@@ -7,19 +7,18 @@ dictionary leaves: fitted to the residual itself, the noise model would swallow 
 (Rao 1948 for score tests; Cochrane and Orcutt 1949 for whitening.)
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, product
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.batch.problem import Linearization, Problem
+from motor_sysid.diagnosis.columns import columns
+from motor_sysid.diagnosis.variants import Variant
+from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
-from motor_sysid.physics.effect import Amplitude, Effect, Shape
-from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model
-from motor_sysid.physics.scales import Scales
+from motor_sysid.physics.effect import Effect
 
 Array = NDArray[np.float64]
 
@@ -28,28 +27,11 @@ AR_ORDER = 12
 EACH, PAIRS = 3, 3
 """Variants of each effect that are paired with others; pairs that are told."""
 
+BEYOND = 1e-3
+"""Part of a column that base parameters cannot mimic below which it counts as nothing."""
 
-@dataclass(frozen=True)
-class Variant:
-    """An effect with its shape chosen, ready to be tried on a model.
-
-    Attributes
-    ----------
-    effect:
-        The effect.
-    values:
-        Shapes, and the amplitude where a finite trial is made of it.
-    model:
-        The model with the effect, in which only the effect's amplitudes are free (none, for a
-        finite trial).
-    inherits:
-        Whether it replaces an effect of the model.
-    """
-
-    effect: Effect
-    values: Mapping[str, float]
-    model: Model
-    inherits: bool
+SEEN = 1e-12
+"""Eigenvalue of the scaled products of base columns below which a combination is not there."""
 
 
 @dataclass(frozen=True)
@@ -100,50 +82,6 @@ class Scores:
     weighting: Weighting
 
 
-def variants(
-    model: Model,
-    scales: Scales,
-    effects: Sequence[Effect],
-    proposed: Mapping[str, Sequence[float]],
-) -> Iterator[Variant]:
-    """Give every effect that can be added to the fitted model, once for each choice of its shape.
-
-    `proposed` gives, by key, values worth trying for shapes that the data are searched for; see
-    `motor_sysid.diagnosis.proposals`.  Effects that a free parameter of the motor covers are left
-    out.
-    """
-    frozen = model.with_free([p.name for p in model.parameters.free], free=False)
-    for one in effects:
-        if one.key in model.effects or not model.admits(one):
-            continue
-        if any(one.key in effect(key).card.generalises for key in model.effects):
-            continue
-        if any(p.name == one.card.covers for p in model.parameters.free):
-            continue
-        inherits = any(special in model.effects for special in one.card.generalises)
-        for values in _choices(one, scales, proposed.get(one.key, ())):
-            tried = frozen.with_effect(one.key, values, scales)
-            fixed = [f'{one.key}.{name}' for name in values]
-            yield Variant(one, values, tried.with_free(fixed, free=False), inherits)
-
-
-def _choices(
-    one: Effect, scales: Scales, proposed: Sequence[float]
-) -> Iterator[dict[str, float]]:
-    grids: list[list[tuple[str, float]]] = []
-    for card in one.card.parameters:
-        size = scales.size(card.scale)
-        if isinstance(card, Amplitude):
-            if card.trials:
-                grids.append([(card.name, t * size) for t in card.trials])
-        elif card.name in (one.card.orders, one.card.moment, one.card.frequency):
-            grids.append([(card.name, float(value)) for value in proposed])
-        elif isinstance(card, Shape):
-            grids.append([(card.name, s * size) for s in card.starts])
-    for choice in product(*grids):
-        yield dict(choice)
-
-
 def score(problem: Problem, z: Array, tried: Sequence[Variant]) -> Scores:
     """Score variants on a fitted model.
 
@@ -156,77 +94,57 @@ def score(problem: Problem, z: Array, tried: Sequence[Variant]) -> Scores:
 
     """
     near = problem.linearize(z)
-    columns = [_columns(problem, near, variant) for variant in tried]
-    weighting = white([one.residual for one in near])
-    for _ in range(PASSES):
-        weighting = _whitened(near, columns, weighting)
-    flat = [
-        weighting.removed(
-            np.concatenate(
-                [one.residual[:, :, np.newaxis], one.slope, *[c[k] for c in columns]], axis=2
-            ),
-            one.start,
+    added = columns(problem, tried)
+    raw = [
+        np.concatenate(
+            [one.residual[:, :, np.newaxis], one.slope, *[c[k] for c in added]], axis=2
         )
         for k, one in enumerate(near)
     ]
-    joined = np.concatenate(flat)
-    residual, base, dictionary = np.split(joined, [1, 1 + problem.dimension], axis=1)
-    q, _ = np.linalg.qr(base)
-    residual = (residual - q @ (q.T @ residual))[:, 0]
-    scored, parts, first = [], [], 0
+    starts = [one.start for one in near]
+    weighting = white([one.residual for one in near])
+    for _ in range(PASSES):
+        weighting = _whitened(raw, starts, weighting)
+    first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
+    whole = weighting.gram(raw, starts)
+    left = _beyond(whole, np.arange(1, first))
+    scored, parts = [], []
     family = {v.effect.key: sum(o.effect.key == v.effect.key for o in tried) for v in tried}
-    for variant, column in zip(tried, columns, strict=True):
-        width = column[0].shape[2]
-        raw = dictionary[:, first : first + width]
-        first += width
-        part = _Part.of(raw, raw - q @ (q.T @ raw))
-        scored.append(_score(variant, raw, part, residual, family))
+    for variant, column in zip(tried, added, strict=True):
+        own = slice(first, first + column[0].shape[2])
+        first = own.stop
+        part = _Part.of(own, whole, left)
+        scored.append(_score(variant, whole[own, own], part, count, family))
         parts.append(part)
-    found = best_pairs(scored, parts, residual)
+    found = best_pairs(scored, parts, left)
     scored.sort(key=lambda s: -s.delta_bic)
     return Scores(scored, found, weighting)
 
 
-def _columns(
-    problem: Problem, near: Sequence[Linearization], variant: Variant
-) -> list[Array]:
-    """Return for each stretch the changes of the outputs that the variant makes, (N, n_y, a)."""
-    side = Problem(
-        variant.model,
-        problem.chains,
-        problem.outputs,
-        substeps=problem.substeps,
-        threads=problem.threads,
-    )
-    if side.dimension == 0:
-        runs = side.simulate(np.empty((1, 0)))
-        if not all(np.all(np.isfinite(run)) for run in runs):
-            return [np.zeros_like(run) for run in runs]
-        return [
-            run - (stretch.judged - one.residual)[:, :, np.newaxis]
-            for run, stretch, one in zip(runs, problem.stretches, near, strict=True)
-        ]
-    return [one.slope / side.size for one in side.linearize(side.vector())]
+def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weighting) -> Weighting:
+    """Fit the noise model to what base parameters and the whole dictionary leave.
 
-
-def _whitened(
-    near: Sequence[Linearization], columns: Sequence[Sequence[Array]], weighting: Weighting
-) -> Weighting:
-    """Fit the noise model to what base parameters and the whole dictionary leave."""
-    rows, raw = [], []
-    for k, one in enumerate(near):
-        everything = [one.residual[:, :, np.newaxis], one.slope, *[c[k] for c in columns]]
-        raw.append(np.concatenate(everything, axis=2))
-        rows.append(weighting.removed(raw[-1], one.start))
-    stacked = np.concatenate(rows)
-    scale = np.linalg.norm(stacked, axis=0)
+    The first column of each `raw` (N, n_y, 1 + K) is the residual.
+    """
+    gram = weighting.gram(raw, starts)
+    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
     scale[scale == 0] = 1.0
-    scaled = stacked / scale
-    gram = scaled[:, 1:].T @ scaled[:, 1:]
-    coefficients = np.linalg.lstsq(gram, scaled[:, 1:].T @ scaled[:, 0], rcond=1e-8)[0]
+    scaled = gram / np.outer(scale, scale)
+    coefficients = np.linalg.lstsq(scaled[1:, 1:], scaled[1:, 0], rcond=1e-8)[0]
     coefficients = coefficients * scale[0] / scale[1:]
     left = [part[:, :, 0] - part[:, :, 1:] @ coefficients for part in raw]
     return coloured(left, AR_ORDER)
+
+
+def _beyond(gram: Array, base: NDArray[np.int64]) -> Array:
+    """Return the products of all columns after the `base` columns are taken out of them."""
+    size = np.sqrt(np.maximum(np.diag(gram)[base], 1e-300))
+    values, vectors = np.linalg.eigh(gram[np.ix_(base, base)] / np.outer(size, size))
+    kept = values > SEEN * np.max(values, initial=1e-300)
+    basis = (vectors[:, kept] / np.sqrt(values[kept])) / size[:, np.newaxis]
+    along = basis.T @ gram[base]
+    rest: Array = gram - along.T @ along
+    return rest
 
 
 @dataclass(frozen=True)
@@ -235,50 +153,55 @@ class _Part:
 
     Attributes
     ----------
-    basis:
-        (N, m) orthonormal.
+    own:
+        Its columns.
     back:
-        (a, m) from coordinates in that basis to the variant's amplitudes.
+        (a, m) from coordinates in an orthonormal basis of that to the variant's amplitudes.
+    along:
+        (m,) coordinates of the residual in that basis.
     """
 
-    basis: Array
+    own: slice
     back: Array
+    along: Array
 
     @classmethod
-    def of(cls, raw: Array, beyond: Array) -> '_Part':
-        size = np.linalg.norm(raw, axis=0)
+    def of(cls, own: slice, whole: Array, left: Array) -> '_Part':
+        size = np.sqrt(np.maximum(np.diag(whole)[own], 0.0))
         size[size == 0] = 1.0
-        u, s, vt = np.linalg.svd(beyond / size, full_matrices=False)
-        kept = s > 1e-3
-        return cls(u[:, kept], (vt[kept].T / s[kept]) / size[:, np.newaxis])
+        values, vectors = np.linalg.eigh(left[own, own] / np.outer(size, size))
+        kept = values > BEYOND**2
+        back = (vectors[:, kept] / np.sqrt(values[kept])) / size[:, np.newaxis]
+        return cls(own, back, back.T @ left[own, 0])
 
 
 def _score(
-    variant: Variant, raw: Array, part: _Part, residual: Array, family: Mapping[str, int]
+    variant: Variant, whole: Array, part: _Part, count: int, family: Mapping[str, int]
 ) -> Scored:
-    along = part.basis.T @ residual
+    along = part.along
     gain = float(np.sum(along**2))
     solution = part.back @ along
     names = [p.name for p in variant.model.parameters.free]
     amplitudes, allowed = _amplitudes(variant, names, solution)
-    price = along.size * np.log(residual.size) + 2 * np.log(family[variant.effect.key])
+    price = along.size * np.log(count) + 2 * np.log(family[variant.effect.key])
     length = float(np.linalg.norm(along))
-    whole = float(np.linalg.norm(raw @ solution))
+    size = float(np.sqrt(max(float(solution @ whole @ solution), 0.0)))
     return Scored(
         variant,
         gain,
         gain - float(price),
         amplitudes,
         allowed,
-        1.0 - min(length / whole, 1.0) ** 2 if whole > 0 else 1.0,
+        1.0 - min(length / size, 1.0) ** 2 if size > 0 else 1.0,
     )
 
 
 def best_pairs(
-    scored: Sequence[Scored], parts: Sequence[_Part], residual: Array
+    scored: Sequence[Scored], parts: Sequence[_Part], left: Array
 ) -> list[tuple[Scored, Scored]]:
     """Return the pairs that explain most together, best first.
 
+    `left` holds the products of all columns, residual first, without what base parameters can do.
     Of each effect the three best variants are looked at.  What two effects explain together cannot
     be told from what each explains alone: a third one may look better than both.
     """
@@ -288,14 +211,15 @@ def best_pairs(
     for k in order:
         key = scored[k].variant.effect.key
         taken[key] = taken.get(key, 0) + 1
-        if taken[key] <= EACH and parts[k].basis.shape[1]:
+        if taken[key] <= EACH and parts[k].along.size:
             chosen.append(k)
     found = []
     for k, m in combinations(chosen, 2):
         if _related(scored[k].variant.effect, scored[m].variant.effect):
             continue
-        a, b = parts[k].basis, parts[m].basis
-        along_a, along_b, cross = a.T @ residual, b.T @ residual, a.T @ b
+        a, b = parts[k], parts[m]
+        along_a, along_b = a.along, b.along
+        cross = a.back.T @ left[a.own, b.own] @ b.back
         width = along_a.size
         gram = np.eye(width + along_b.size)
         gram[:width, width:], gram[width:, :width] = cross, cross.T

@@ -3,12 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
 
 Array = NDArray[np.float64]
+
+_PIECE = 500
 
 
 @dataclass(frozen=True)
@@ -32,14 +34,45 @@ class Weighting:
         """Samples that are lost at the start of a stretch."""
         return max((w.size - 1 for w in self.whiteners), default=0)
 
+    @property
+    def taps(self) -> Array:
+        """The (n_y, order + 1) coefficients that whiten and weigh."""
+        taps = np.zeros((self.sigma.size, self.order + 1))
+        taps[:, 0] = 1.0
+        for row, whitener in zip(taps, self.whiteners, strict=False):
+            row[: whitener.size] = whitener
+        weighed: Array = taps / self.sigma[:, np.newaxis]
+        return weighed
+
+    def rows(self, count: int) -> int:
+        """Return how many weighed errors `count` samples give."""
+        return max(count - self.order, 0) * self.sigma.size
+
     def flat(self, values: Array) -> Array:
         """Whiten and weigh (N, n_y, k) along time; return ((N - order) n_y, k)."""
-        if self.whiteners:
-            one = np.ones(1)
-            parts = [lfilter(w, one, values[:, j], axis=0) for j, w in enumerate(self.whiteners)]
-            values = np.stack(parts, axis=1)[self.order :]
-        weighed: Array = (values / self.sigma[:, np.newaxis]).reshape(-1, values.shape[2])
+        found = filtered(np.ascontiguousarray(values), self.taps)
+        weighed: Array = found.reshape(self.rows(len(values)), values.shape[2])
         return weighed
+
+    def gram(self, values: Sequence[Array], directions: Sequence[Array]) -> Array:
+        """Return the (k, k) products of all columns, weighed, summed over stretches.
+
+        What the (N, n_y, m) directions of each stretch explain is taken out of its (N, n_y, k)
+        values.  The work is done in pieces that stay in the processor's cache.
+        """
+        total, taps = np.zeros((values[0].shape[2],) * 2), self.taps
+        for one, direction in zip(values, directions, strict=True):
+            free = self.flat(direction)
+            along = np.zeros((free.shape[1], one.shape[2]))
+            width = one.shape[1]
+            for a in range(0, len(one) - self.order, _PIECE):
+                piece = filtered(one[a : a + _PIECE + self.order], taps).reshape(-1, one.shape[2])
+                total += piece.T @ piece
+                if free.shape[1]:
+                    along += free[a * width : a * width + len(piece)].T @ piece
+            if free.shape[1]:
+                total -= along.T @ np.linalg.lstsq(free.T @ free, along, rcond=1e-12)[0]
+        return total
 
     def basis(self, directions: Array) -> Array:
         """Return an orthonormal basis of weighed (N, n_y, m) directions, (K, m)."""
@@ -54,6 +87,21 @@ class Weighting:
         q = self.basis(directions)
         rest: Array = flat - q @ (q.T @ flat)
         return rest
+
+
+@njit(cache=True, nogil=True, error_model='numpy')
+def filtered(values, taps):  # type: ignore[no-untyped-def]
+    """Filter (N, n_y, k) along time with (n_y, order + 1) taps; return (N - order, n_y, k)."""
+    order = taps.shape[1] - 1
+    count, outputs, width = values.shape
+    found = np.zeros((max(count - order, 0), outputs, width))
+    for t in range(found.shape[0]):
+        for j in range(outputs):
+            for lag in range(order + 1):
+                tap = taps[j, lag]
+                for k in range(width):
+                    found[t, j, k] += tap * values[t + order - lag, j, k]
+    return found
 
 
 def white(errors: Sequence[Array], floor: Array | float = 1e-12) -> Weighting:

@@ -1,0 +1,77 @@
+"""What can be tried on a fitted model: every effect, once for each choice of its shape."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from motor_sysid.physics.effect import Amplitude, Effect, Shape
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.scales import Scales
+
+
+@dataclass(frozen=True)
+class Variant:
+    """An effect with its shape chosen, ready to be tried on a model.
+
+    Attributes
+    ----------
+    effect:
+        The effect.
+    values:
+        Shapes, and the amplitude where a finite trial is made of it.
+    model:
+        The model with the effect, in which only the effect's amplitudes are free (none, for a
+        finite trial).
+    inherits:
+        Whether it replaces an effect of the model.
+    """
+
+    effect: Effect
+    values: Mapping[str, float]
+    model: Model
+    inherits: bool
+
+
+def variants(
+    model: Model,
+    scales: Scales,
+    effects: Sequence[Effect],
+    proposed: Mapping[str, Sequence[float]],
+) -> Iterator[Variant]:
+    """Give every effect that can be added to the fitted model, once for each choice of its shape.
+
+    `proposed` gives, by key, values worth trying for shapes that the data are searched for; see
+    `motor_sysid.diagnosis.proposals`.  Effects that a free parameter of the motor covers are left
+    out.
+    """
+    frozen = model.with_free([p.name for p in model.parameters.free], free=False)
+    for one in effects:
+        if one.key in model.effects or not model.admits(one):
+            continue
+        if any(one.key in effect(key).card.generalises for key in model.effects):
+            continue
+        if any(p.name == one.card.covers for p in model.parameters.free):
+            continue
+        inherits = any(special in model.effects for special in one.card.generalises)
+        for values in _choices(one, scales, proposed.get(one.key, ())):
+            tried = frozen.with_effect(one.key, values, scales)
+            fixed = [f'{one.key}.{name}' for name in values]
+            yield Variant(one, values, tried.with_free(fixed, free=False), inherits)
+
+
+def _choices(
+    one: Effect, scales: Scales, proposed: Sequence[float]
+) -> Iterator[dict[str, float]]:
+    grids: list[list[tuple[str, float]]] = []
+    for card in one.card.parameters:
+        size = scales.size(card.scale)
+        if isinstance(card, Amplitude):
+            if card.trials:
+                grids.append([(card.name, t * size) for t in card.trials])
+        elif card.name in (one.card.orders, one.card.moment, one.card.frequency):
+            grids.append([(card.name, float(value)) for value in proposed])
+        elif isinstance(card, Shape):
+            grids.append([(card.name, s * size) for s in card.starts])
+    for choice in product(*grids):
+        yield dict(choice)
