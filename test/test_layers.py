@@ -15,8 +15,8 @@ LIBRARY = {
     'recording': {'signals'},
     'estimation': {'signals', 'physics'},
     'structures': {'signals', 'physics'},
-    'diagnosis': {'signals', 'physics', 'estimation', 'structures'},
     'control': {'signals', 'physics', 'estimation', 'structures'},
+    'diagnosis': {'signals', 'physics', 'estimation', 'structures', 'control'},
 }
 ALLOWED = {
     **LIBRARY,

@@ -7,6 +7,8 @@ To add one: write its parts (levels between -1 and 1, shares of the time) and it
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from motor_sysid.control.profile import (
     Hold,
     holds,
@@ -61,8 +63,8 @@ class Family:
     @property
     def reverses(self) -> bool:
         """Whether it turns the motor both ways."""
-        values = [part.shape(k / 16) for part in self.parts for k in range(17)]
-        return min(values) < 0 < max(values)
+        values = np.concatenate([part.shape(np.linspace(0, 1, 17)) for part in self.parts])
+        return bool(np.min(values) < 0 < np.max(values))
 
 
 def mirrored(parts: Sequence[Part], levels: Sequence[float]) -> tuple[Part, ...]:

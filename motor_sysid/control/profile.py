@@ -24,12 +24,12 @@ SPEED = 'speed_reference'
 
 
 class Shape(Protocol):
-    """A curve: share of a part's time (0 to 1) to a share of the profile's level."""
+    """A curve: shares of a part's time (0 to 1) to shares of the profile's level, (N,) each."""
 
     key: ClassVar[str]
 
-    def __call__(self, x: float) -> float:
-        """Return the value at a share of the time."""
+    def __call__(self, x: Array) -> Array:
+        """Return the values at shares of the time."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,9 @@ class Hold:
     key: ClassVar[str] = 'hold'
     level: float
 
-    def __call__(self, x: float) -> float:
+    def __call__(self, x: Array) -> Array:
         """Return the level."""
-        return self.level
+        return np.full_like(x, self.level)
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class Ramp:
     start: float
     stop: float
 
-    def __call__(self, x: float) -> float:
-        """Return the value on the line."""
+    def __call__(self, x: Array) -> Array:
+        """Return the values on the line."""
         return self.start + (self.stop - self.start) * x
 
 
@@ -64,9 +64,9 @@ class Triangle:
     key: ClassVar[str] = 'triangle'
     level: float
 
-    def __call__(self, x: float) -> float:
-        """Return the value on the three lines."""
-        return self.level * (2 / math.pi) * math.asin(math.sin(2 * math.pi * x))
+    def __call__(self, x: Array) -> Array:
+        """Return the values on the three lines."""
+        return self.level * (2 / math.pi) * np.asarray(np.arcsin(np.sin(2 * math.pi * x)))
 
 
 @dataclass(frozen=True)
@@ -78,10 +78,10 @@ class Sweep:
     first: float
     last: float
 
-    def __call__(self, x: float) -> float:
-        """Return the value of the sine."""
+    def __call__(self, x: Array) -> Array:
+        """Return the values of the sine."""
         turns = x * (self.first + 0.5 * (self.last - self.first) * x)
-        return self.level * math.sin(2 * math.pi * turns)
+        return self.level * np.asarray(np.sin(2 * math.pi * turns))
 
 
 SHAPES: dict[str, type[Hold] | type[Ramp] | type[Triangle] | type[Sweep]] = {
@@ -180,10 +180,16 @@ class Profile:
         if not 0 <= t < self.duration:
             return 0.0
         k = min(bisect_right(self.edges, t), len(self.parts)) - 1
-        start, stop = self.edges[k], self.edges[k + 1]
-        return self.level * self.parts[k].shape((t - start) / (stop - start))
+        return float(self._within(k, np.array([t]))[0])
 
     def sampled(self, dt: float) -> Array:
         """Return (N,) values at 0, dt, 2 dt, ... up to the end of the profile."""
-        count = max(math.ceil(self.duration / dt - 1e-9), 2)
-        return np.array([self(k * dt) for k in range(count)])
+        time = dt * np.arange(max(math.ceil(self.duration / dt - 1e-9), 2))
+        places = np.searchsorted(time, self.edges[1:-1])
+        pieces = np.split(time, places)
+        return np.concatenate([self._within(k, piece) for k, piece in enumerate(pieces)])
+
+    def _within(self, k: int, times: Array) -> Array:
+        """Return the values of part k at times within it."""
+        start, stop = self.edges[k], self.edges[k + 1]
+        return self.level * self.parts[k].shape((times - start) / (stop - start))

@@ -2,9 +2,11 @@
 
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.diagnose import diagnose, Settings
+from motor_sysid.diagnosis.experiment import Experiment, Limits, suggest_experiment
 from motor_sysid.diagnosis.result import Candidate, Curve, Diagnosis, Step, Verdict, Where
+from motor_sysid.diagnosis.suggest import suggest
 
 __all__ = [
-    'Candidate', 'Curve', 'Diagnosis', 'Settings', 'Step', 'Verdict', 'Where', 'compare',
-    'diagnose',
+    'Candidate', 'Curve', 'Diagnosis', 'Experiment', 'Limits', 'Settings', 'Step', 'Verdict',
+    'Where', 'compare', 'diagnose', 'suggest', 'suggest_experiment',
 ]  # fmt: skip

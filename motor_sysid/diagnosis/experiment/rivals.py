@@ -1,0 +1,85 @@
+"""Which models are rivals: named by the user, or by a diagnosis; and their fits."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+from motor_sysid.diagnosis.fitting import fit_model
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+from motor_sysid.signals.record import Record
+
+NONE = 'none'
+"""The rival that has no effect more than the model."""
+
+Sets = tuple[tuple[str, ...], ...]
+
+
+def parse_rivals(texts: Sequence[str]) -> Sets:
+    """Return sets of effects from texts such as ``coulomb_friction+constant_load_torque``.
+
+    Raises
+    ------
+    UserError
+        If an effect is unknown, or fewer than two rivals are named.
+    """
+    sets = tuple(tuple(k for k in text.split('+') if k != NONE) for text in texts)
+    for key in {key for one in sets for key in one}:
+        effect(key)
+    if len(set(map(frozenset, sets))) < 2:
+        raise UserError(
+            f'rivals {", ".join(texts)}: name at least two that differ; `{NONE}` is the model as '
+            'it is, and `+` joins effects that belong together'
+        )
+    return sets
+
+
+def rivals_of(document: Mapping[str, object]) -> Sets:
+    """Return the rivals that a diagnosis (its JSON document) names; empty if there are none.
+
+    The first is what it would add; each further one has a confusable effect in its place.
+
+    Raises
+    ------
+    UserError
+        If it is no diagnosis.
+    """
+    chosen, candidates = document.get('effects'), document.get('candidates')
+    if not isinstance(chosen, list) or not isinstance(candidates, list):
+        raise UserError('no diagnosis: `effects` and `candidates` are missing')
+    first = tuple(str(key) for key in chosen)
+    sets = [first]
+    for one in candidates:
+        key, others = str(one.get('effect')), one.get('confusable_with') or []
+        if key in first:
+            sets += [
+                tuple(str(other) if k == key else k for k in first) for other in others
+            ]
+    return tuple(sets) if len(sets) > 1 else ()
+
+
+def fit_rivals(
+    model: Model,
+    sets: Sets,
+    records: Sequence[Record],
+    tell: Callable[[str], None] = lambda text: None,
+) -> tuple[Model, ...]:
+    """Fit every rival to the records: the model, with the rival's effects in place of the others'.
+
+    Raises
+    ------
+    UserError
+        If an effect cannot be added to this model.
+    """
+    contested = {key for one in sets for key in one}
+    slim = model
+    for key in model.effects:
+        if key in contested:
+            slim = slim.without_effect(key)
+    fitted = []
+    for one in sets:
+        tell(f'fitting the rival {" + ".join(one) or "without an effect more"}')
+        fitted.append(fit_model(records, model=slim, effects=one).model)
+        missing = [key for key in one if key not in fitted[-1].effects]
+        if missing:
+            raise UserError(f'`{missing[0]}` is a special case of another effect of the rival')
+    return tuple(fitted)
