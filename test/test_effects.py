@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import make_chain, Problem
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import Effect, Enters
 from motor_sysid.physics.effects import add_effect_file, catalogue
@@ -13,13 +14,27 @@ from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.rollout import Program, simulate
 from motor_sysid.physics.scales import scales_of
+from motor_sysid.physics.store import dump_model, parse_model
 from motor_sysid.signals.record import Record
 
 KEYS = sorted(catalogue())
 MOTOR = {'R': 2.0, 'L': 2e-3, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5, 'i_eps': 0.02}
 PASSIVE = {
     'coulomb_friction', 'asymmetric_coulomb_friction', 'stribeck_friction', 'quadratic_drag',
-    'brush_voltage_drop',
+    'brush_voltage_drop', 'iron_loss', 'inverter_dead_time', 'load_dependent_friction',
+}  # fmt: skip
+SEARCHED = {'n': 7.0, 't_on': 0.8, 'f': 2.3}
+"""Values of shapes that the data are searched for."""
+
+DESIGNED = {
+    'coulomb_friction', 'asymmetric_coulomb_friction', 'stribeck_friction', 'lugre_friction',
+    'load_dependent_friction', 'quadratic_drag', 'friction_drift', 'constant_load_torque',
+    'load_torque_step', 'periodic_load', 'gravity_load', 'cogging_torque', 'torque_ripple',
+    'flexible_shaft', 'backlash', 'inertia_change', 'input_delay', 'supply_sag',
+    'driver_clipping', 'brush_voltage_drop', 'inverter_dead_time', 'drive_coast',
+    'armature_heating', 'torque_constant_saturation', 'inductance_saturation', 'iron_loss',
+    'current_sensor_lag', 'current_sensor_scale', 'current_sensor_offset',
+    'speed_sensor_scale', 'speed_sensor_offset', 'speed_sensor_lag',
 }  # fmt: skip
 
 
@@ -40,6 +55,12 @@ def record() -> Record:
     return a_record()
 
 
+def searched(key: str) -> dict[str, float]:
+    """Return values of the shapes that the data would have to propose."""
+    card = catalogue()[key].card
+    return {s.name: SEARCHED[s.name] for s in card.shapes if not s.starts}
+
+
 def a_strong(key: str, record: Record) -> Model:
     """Return the test motor with an effect of a tenth of its scale."""
     base = Model.base('brushed_dc', MOTOR)
@@ -47,8 +68,12 @@ def a_strong(key: str, record: Record) -> Model:
     card = catalogue()[key].card
     sizes = {a.name: a.trials[2] if a.trials else 0.1 for a in card.amplitudes}
     values = {a.name: sizes[a.name] * scales.size(a.scale) for a in card.amplitudes}
-    values.update({s.name: 7.0 for s in card.shapes if s.name == card.orders})
+    values.update(searched(key))
     return base.with_effect(key, values, scales)
+
+
+def test_every_designed_effect_is_there():
+    assert DESIGNED <= set(catalogue())
 
 
 @pytest.mark.parametrize('key', KEYS)
@@ -73,8 +98,7 @@ def test_card_is_complete(key):
 @pytest.mark.parametrize('key', KEYS)
 def test_zero_strength_switches_it_off(key, record):
     base = Model.base('brushed_dc', MOTOR)
-    order = catalogue()[key].card.orders
-    off = base.with_effect(key, {order: 7.0} if order else {})
+    off = base.with_effect(key, searched(key))
     plain, with_zero = simulate(base, record), simulate(off, record)
     for name, values in plain.outputs.items():
         size = np.max(np.abs(values))
@@ -124,6 +148,102 @@ def test_passive_effects_never_feed_energy(key):
             values = {n: rng.uniform(0.01, 2.0) for n in inspect.signature(law).parameters}
             values[through] = rng.uniform(-30, 30)
             assert law(**values) * values[through] <= 1e-12
+
+
+def test_bristles_store_energy_but_make_none():
+    """LuGre friction along motion by chance: what comes back was put in before."""
+    rng = np.random.default_rng(8)
+    one = catalogue()['lugre_friction']
+    torque, rate = one.laws['torque'], one.rates['z']
+    shape = {'s': 0.6, 'omega_s': 2.0, 'z_s': 0.02}
+    dt, z, worst, work = 2e-6, 0.0, 0.0, 0.0
+    for pulsation in rng.uniform(5, 80, 20):
+        size, phase = rng.uniform(0.1, 30), rng.uniform(0, 6)
+        for k in range(5000):
+            omega = size * np.sin(pulsation * k * dt + phase)
+            work -= torque(omega=omega, z=z, tau_c=1.0, t_b=1e-3, **shape) * omega * dt
+            z += rate(omega=omega, z=z, **shape) * dt
+            worst = min(worst, work)
+    assert worst > -1e-6
+    assert work > 1.0
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_units_are_consistent(key):
+    """In other units of mass, time and current every law gives the same physics."""
+    rng = np.random.default_rng(9)
+    one, kind = catalogue()[key], motor('brushed_dc')
+    units = {p.name: p.unit for p in (*kind.parameters, *one.card.parameters)} | ARGUMENT_UNITS
+    rates = {s: unit_of_law(law) for s, law in one.rates.items()}
+    sizes = np.array([1.7, 0.6, 2.3])
+    units |= {s: f'{u} s' for s, u in rates.items()}
+    for name, law in (*one.laws.items(), *one.rates.items()):
+        names = list(inspect.signature(law).parameters)
+        factors = [np.prod(sizes ** dimension(units[n])) for n in names]
+        values = rng.uniform(0.1, 2.0, (20, len(names)))
+        scale = np.prod(sizes ** dimension(unit_of_law(law)))
+        for row in values:
+            assert law(*(row * factors)) == pytest.approx(scale * law(*row), rel=1e-6), name
+
+
+ARGUMENT_UNITS = {
+    'i': 'A', 'omega': 'rad/s', 'theta': 'rad', 'u': 'V', 't': 's', 'di': 'A/s',
+    'domega': 'rad/s^2',
+}  # fmt: skip
+BASIC = {
+    '1': (0, 0, 0), 'rad': (0, 0, 0), 'rev': (0, 0, 0), 'kg': (1, 0, 0), 's': (0, 1, 0),
+    'A': (0, 0, 1), 'm': (0, 0, 0), 'N': (1, -2, 0), 'J': (1, -2, 0), 'W': (1, -3, 0),
+    'V': (1, -3, -1), 'ohm': (1, -3, -2), 'H': (1, -2, -2), 'Hz': (0, -1, 0),
+}  # fmt: skip
+
+
+def unit_of_law(law) -> str:
+    """Return the unit that the docstring of a law ends with."""
+    return law.__doc__.strip().rsplit(' in ', 1)[1].rstrip('.')
+
+
+def dimension(unit: str) -> np.ndarray:
+    """Return the powers of mass, time and current in a unit such as ``N m s^2/rad^2``."""
+    total = np.zeros(3)
+    tail = unit.split('/', 1)[1] if '/' in unit else ''
+    after = tail.split(')', 1)[1] if tail.startswith('(') else ' '.join(tail.split(' ')[1:])
+    under = tail.strip('()') if tail.startswith('(') else tail.split(' ')[0]
+    for sign, text in ((1, unit.split('/')[0]), (-1, under), (1, after)):
+        for token in text.strip('()').split():
+            name, power = [*token.split('^'), '1'][:2]
+            total += sign * float(power) * np.array(BASIC[name])
+    return total
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_a_model_with_it_survives_a_file(key, record):
+    model = a_strong(key, record)
+    assert parse_model(dump_model(model)) == model
+
+
+@pytest.mark.parametrize('key', KEYS)
+def test_sensitivities_match_wider_differences(key, record):
+    """Slopes from the fit's own small steps against parabolas through much wider ones."""
+    model = a_strong(key, record)
+    own = [p.name for p in model.parameters.free if p.name.startswith(f'{key}.')]
+    model = model.with_free([p.name for p in model.parameters.free if p.name not in own], False)
+    outputs = ('current', 'speed')
+    problem = Problem(model, [make_chain(record, model.kind, outputs)], outputs)
+    z = problem.vector()
+    slope = problem.linearize(z)[0].slope
+    for k, p in enumerate(problem.free):
+        step = WIDER.get(p.name, 10.0) * problem.steps()[k] * np.eye(z.size)[k]
+        runs = problem.simulate(z + np.array([2, 1, -1, -2])[:, np.newaxis] * step)[0]
+        wide = (8 * (runs[..., 1] - runs[..., 2]) - runs[..., 0] + runs[..., 3]) / (12 * step[k])
+        off = np.linalg.norm(slope[..., k] - wide, axis=0)
+        size = np.linalg.norm(wide, axis=0)
+        limit = ROUGH.get(p.name, 0.03)
+        assert np.all(off <= limit * size + 1e-6 * np.linalg.norm(size)), p.name
+
+
+WIDER = {'input_delay.delay': 0.5, 'driver_clipping.c': 3.0}
+ROUGH = {'backlash.phi_g': 0.15, 'inertia_change.t_on': 0.1, 'load_torque_step.t_on': 0.1}
+"""Where the law has corners, a difference says only so much."""
 
 
 @pytest.mark.parametrize('key', KEYS)
