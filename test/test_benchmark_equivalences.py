@@ -45,6 +45,14 @@ SIDES = {
         ({}, {'current_sensor_scale': {'g': 0.1}}),
         ({'R': R / 1.1, 'L': L / 1.1, 'J': 1.1 * J, 'b': 1.1 * B}, {}),
     ),
+    ('speed_sensor_scale',): (
+        ({}, {'speed_sensor_scale': {'g': 0.1}}),
+        ({'k_t': K / 1.1, 'J': J / 1.21, 'b': B / 1.21}, {}),
+    ),
+    ('current_sensor_offset',): (
+        ({}, {'current_sensor_offset': {'o': 0.2}}),
+        ({'current_offset': BASE['current_offset'] + 0.2}, {}),
+    ),
     ('speed_sensor_offset',): (
         ({}, {'speed_sensor_offset': {'o': 5.0}}),
         (
