@@ -38,8 +38,9 @@ MIN_GAIN = 0.05
 MIN_DELTA_BIC = 20.0
 """What two fits must gain over one: relative decrease of the error, and BIC."""
 
-CERTAIN, WORTH = 4.0, 0.03
-"""A parameter has changed if it moved by so many standard deviations, and by that share."""
+CERTAIN, WORTH, LEAST = 4.0, 0.03, 0.1
+"""A parameter has changed if it moved by so many standard deviations, by that share of its value,
+and at least a tenth as certainly as the one that changed most certainly."""
 
 
 @dataclass(frozen=True)
@@ -136,13 +137,29 @@ class _Bench:
         ratio = found.ratio if early else 1 / found.ratio
         return (found.index + ORDER, ratio) if ratio > MIN_RATIO else None
 
+    def _sides(self, place: int) -> tuple[FitResult, FitResult]:
+        return self._fit(0, place), self._fit(place, len(self.record))
+
+    def _border(self, before: FitResult, after: FitResult) -> int:
+        """Return the sample from which on the one model is better than the other."""
+        size = np.sqrt(np.mean(np.concatenate([*before.residuals, *after.residuals]) ** 2, axis=0))
+        first, second = (
+            np.sum((self._errors(side.model) / size) ** 2, axis=1) for side in (before, after)
+        )
+        return int(np.argmin(np.cumsum(np.append(0.0, first - second))))
+
     def confirmed(self, place: int, ratio: float) -> Held | None:
         """Cut the record there and fit both sides; None if that gains too little."""
         count = len(self.record)
         if min(place, count - place) < MIN_SAMPLES // 2:
             return None
         whole = self._whole = self._whole or self._fit(0, count)
-        sides = [self._fit(0, place), self._fit(place, count)]
+        sides = self._sides(place)
+        other = self._border(*sides)
+        if min(other, count - other) >= MIN_SAMPLES // 2 and other != place:
+            both = {place: sides, other: self._sides(other)}
+            place = min(both, key=lambda cut: _left(both[cut]))
+            sides = both[place]
         parts = [np.concatenate(side.residuals) for side in sides]
         errors = np.concatenate(whole.residuals)
         weighting = coloured(parts, ORDER)
@@ -158,6 +175,12 @@ class _Bench:
 
 def _cost(parts: Sequence[Array], weighting: Weighting) -> float:
     return float(sum(np.sum(weighting.flat(part[:, :, np.newaxis]) ** 2) for part in parts))
+
+
+def _left(sides: Sequence[FitResult]) -> float:
+    """Return the squared error that the sides leave: the product over the outputs, as a log."""
+    errors = np.concatenate([e for side in sides for e in side.residuals])
+    return float(np.sum(np.log(np.sum(errors**2, axis=0))))
 
 
 def _scaled(parts: Sequence[Array], whole: Array) -> Array:
@@ -177,7 +200,8 @@ def _changed(before: FitResult, after: FitResult) -> dict[str, tuple[float, floa
         certain = abs(q.value - p.value) / spread
         if certain > CERTAIN and abs(q.value - p.value) > WORTH * abs(p.value):
             sure[p.name] = float(certain)
-    names = sorted(sure, key=lambda name: -sure[name])
+    top = max(sure.values(), default=0.0)
+    names = sorted((n for n in sure if sure[n] > LEAST * top), key=lambda name: -sure[name])
     return {n: (before.model[n], after.model[n]) for n in names}
 
 

@@ -57,9 +57,10 @@ def edited(
         one = _carried(key)
         new.with_effect(key)  # refuses what makes no sense for the motor, before anything else
         values = found.values_of(key) if found else {}
+        values = values or _start(new, one, record)
         if 't' in one.needs():  # its phase and growth count from the start of the window
             values |= dict.fromkeys([a.name for a in one.card.amplitudes], 0.0)
-        new = new.with_effect(key, values or _start(new, one, record))
+        new = new.with_effect(key, values)
     fitted = found.model_with(new.effects) if found else None
     return _with_values(new, fitted.parameters.values(), wanted) if fitted else new
 

@@ -102,6 +102,7 @@ class Worker:
             self._connection.send(job)
             outcome: object = self._connection.recv()
         except (EOFError, OSError):
+            self.close()
             outcome = Failed('the worker process ended')
         self._done = Done(job, outcome, time.perf_counter() - begin)
 

@@ -1,0 +1,86 @@
+"""When did the model stop holding: the search for the moment, and the fits that confirm it."""
+
+from bench_motor import a_motor, measure, MOTOR, voltage_profile
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+from motor_sysid.diagnosis.change import BLOCKS, change_point
+from motor_sysid.diagnosis.held import change_in_words, Held, held_until
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.signals.record import Record
+
+RUNS = 400
+ALPHA = 0.05
+
+
+def errors(rng: np.random.Generator, colour: float = 0.0) -> np.ndarray:
+    return lfilter([1], [1, -colour], rng.standard_normal((3000, 2)), axis=0)
+
+
+@pytest.mark.parametrize('colour', [0.0, 0.6])
+def test_without_a_change_one_is_reported_as_often_as_asked_for(colour: float) -> None:
+    rng = np.random.default_rng(7)
+    false = sum(change_point(errors(rng, colour), ALPHA, rng) is not None for _ in range(RUNS))
+    # 99.9 % of binomial counts with the rate asked for lie below this
+    assert false <= ALPHA * RUNS + 3.1 * np.sqrt(RUNS * ALPHA * (1 - ALPHA))
+    assert false > 0.2 * ALPHA * RUNS, 'a test that never fires has another rate'
+
+
+@pytest.mark.parametrize('factor', [1.3, 1 / 1.3])
+def test_a_change_is_found_where_it_is(factor: float) -> None:
+    rng, misses = np.random.default_rng(3), []
+    for _ in range(50):
+        e = errors(rng)
+        e[1800:] *= factor
+        found = change_point(e, 0.01, rng)
+        assert found is not None
+        assert found.ratio == pytest.approx(factor, rel=0.1)
+        misses.append(abs(found.index - 1800))
+    assert np.median(misses) < 30
+    assert max(misses) < 2 * 3000 / BLOCKS
+
+
+def test_too_little_says_nothing() -> None:
+    assert change_point(np.ones((50, 1)), 0.5, np.random.default_rng(0)) is None
+
+
+def record(seed: int, kind: str, effects: dict[str, dict[str, float]]) -> Record:
+    rng = np.random.default_rng(seed)
+    return measure(a_motor(effects), voltage_profile(kind, 10.0, rng), rng)
+
+
+def datasheet() -> Model:
+    return Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.DIFFERENCE)
+
+
+@pytest.mark.parametrize(('when', 'kind'), [(6.2, 'steps'), (3.1, 'sines'), (5.0, 'triangle')])
+def test_an_inertia_that_grows_is_dated_and_measured(when: float, kind: str) -> None:
+    change = {'inertia_change': {'g': 0.5, 't_on': when, 'rise': 0.002}}
+    held = held_until(datasheet(), record(2, kind, change))
+    assert held is not None
+    assert held.time == pytest.approx(when, abs=0.1)
+    before, after = held.changed['J']
+    assert (before, after) == pytest.approx((MOTOR['J'], 1.5 * MOTOR['J']), rel=0.05)
+    told = change_in_words(datasheet(), held, offset=8.0)
+    assert told.startswith(f'The model held until {held.time + 8:.1f} s, then J (')
+    assert ' +5' in told or ' +4' in told
+
+
+@pytest.mark.parametrize('effects', [{}, {'coulomb_friction': {'tau_c': 0.003}}])
+def test_a_motor_that_stays_the_same_is_said_to_hold(
+    effects: dict[str, dict[str, float]],
+) -> None:
+    """With and without an effect that the model lacks."""
+    for seed, kind in enumerate(('steps', 'sines', 'triangle', 'steps', 'sines', 'triangle')):
+        assert held_until(datasheet(), record(seed, kind, effects)) is None, (seed, kind)
+
+
+def test_an_effect_that_sets_in_says_itself_when() -> None:
+    values = {'g': 0.5, 't_on': 6.2, 'rise': 0.002}
+    model = datasheet().with_effect('inertia_change', values)
+    told = change_in_words(model, None, offset=8.0)
+    assert told == 'The model held until 14.2 s, then inertia change +50 %.'
+    assert held_until(model, record(2, 'steps', {})) is None
+    assert change_in_words(datasheet(), None) == ''
+    assert 'error was 3 times' in change_in_words(datasheet(), Held(1.0, 3.0, 99.0))
