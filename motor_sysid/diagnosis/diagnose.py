@@ -8,12 +8,10 @@ import numpy as np
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
-from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     climb,
     gain_in_bic,
-    MIN_DELTA_BIC,
     polish,
     profile_cost,
     refined,
@@ -25,9 +23,9 @@ from motor_sysid.diagnosis.refit import (
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.score import score, Scores
+from motor_sysid.diagnosis.rounds import refitted, scored
+from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
-from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
@@ -177,23 +175,13 @@ class _Engine:
 
     def round(self, rung: Rung) -> list[Trial]:
         """Score every candidate, refit the best, and return them with their evidence."""
-        scores = self.score(rung)
-        trials: list[Trial] = []
-        for starts in best_per_effect(scores.singles, self.settings.refits):
-            if starts[0].delta_bic > 0.0 or not trials:
-                self.tell(f'refitting with {starts[0].variant.effect.card.title}')
-                trials.append(try_effect(starts, rung, self.bench, scores.weighting))
-        trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
-        return trials
+        return refitted(
+            self.score(rung), rung, self.bench, self.settings.refits, self.tell
+        )
 
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""
-        problem = self.bench.problem(rung.model)
-        scales = self.bench.scales
-        proposed = proposals(rung.model, self.train_records, self.candidates, scales)
-        tried = list(variants(rung.model, scales, self.candidates, proposed))
-        self.tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
-        scores = score(problem, problem.vector(), tried)
+        scores = scored(rung, self.bench, self.candidates, self.tell)
         self.seen[frozenset(rung.model.effects)] = rung, scores
         return scores
 
@@ -259,7 +247,7 @@ class _Engine:
             full, rows = profile_cost(rung.model, self.bench, weighting)
             less, _ = profile_cost(slim.model, self.bench, weighting)
             count = len(rung.model.parameters.free) - len(slim.model.parameters.free)
-            if less - full - count * np.log(rows) < MIN_DELTA_BIC:
+            if less - full - count * np.log(rows) < self.bench.threshold:
                 self.tell(f'dropping {key}: no longer needed')
                 rung = slim
         return rung

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.compare import compare, Comparison
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.threshold import UNCALIBRATED
 from motor_sysid.estimation.batch import fit, FitResult, Problem, Weighting
 from motor_sysid.estimation.batch.least_squares import normal_equations
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
-MIN_DELTA_BIC = 20.0
-"""Gain in BIC that evidence must have; docs/benchmark.md measures what it lets pass."""
+MIN_DELTA_BIC = UNCALIBRATED
+"""Gain in BIC that evidence must have where `Bench.threshold` says nothing else."""
 
 MIN_GAIN_PERCENT = 1.0
 MIN_FURTHER_GAIN_PERCENT = 5.0
@@ -228,7 +229,7 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
     share = (before - after) / max(before - rows, 1e-300)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     certain = small and _certain(rung.held, new.held, weighting)
-    note = _gate(scored, new, rung, delta, gain, steady, certain)
+    note = _gate(scored, new, rung, delta, gain, steady, certain, bench.threshold)
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 
@@ -300,6 +301,7 @@ def _gate(
     gain: float,
     steady: float,
     certain: bool,
+    threshold: float,
 ) -> str:
     card = scored.variant.effect.card
     key = scored.variant.effect.key
@@ -309,7 +311,7 @@ def _gate(
         return UNPHYSICAL
     if not np.isfinite(delta):
         return 'cannot be simulated'
-    if delta < MIN_DELTA_BIC:
+    if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
     if certain and gain > -MIN_GAIN_PERCENT:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.threshold import UNCALIBRATED
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
     Chain,
@@ -55,6 +56,8 @@ class Bench:
         How far ahead `train` and `held` look, s; None for free runs.
     substeps:
         Integration steps per sample; raised where one is not enough.
+    threshold:
+        Gain in BIC that evidence must have.
     """
 
     kind: Motor
@@ -68,6 +71,7 @@ class Bench:
     scales: Scales
     horizon: float | None
     substeps: int = 1
+    threshold: float = UNCALIBRATED
 
     def problem(self, model: Model) -> Problem:
         """Return the problem of fitting a model to the training data."""
