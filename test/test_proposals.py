@@ -1,0 +1,81 @@
+"""What the data propose: orders, moments and frequencies, read from the unexplained torque."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.benchmark.plant import Plant
+from motor_sysid.benchmark.sensors import measure, Sensors
+from motor_sysid.benchmark.truth import Control, run
+from motor_sysid.diagnosis.proposals import proposals
+from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.scales import scales_of
+from motor_sysid.signals.record import Record
+
+DT = 1e-3
+PLANT = Plant(R=2.1, L=2.4e-3, k=0.046, J=2.6e-5, b=1.3e-5)
+BASE = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5, 'omega_eps': 0.4}
+SENSORS = Sensors(
+    counts=4096, tacho_noise=0.2, current_noise=0.012, current_step=20 / 4096, current_offset=0.0
+)
+
+
+def a_record(seconds: float = 8.0, **hidden: float) -> Record:
+    """Return a record in closed loop of the motor with something hidden."""
+    rng = np.random.default_rng(11)
+    count = round(seconds / DT)
+    reference = np.repeat(rng.uniform(-120, 120, count // 400 + 1), 400)[:count]
+    control = Control(reference, kp=0.05, ki=0.6, limit=12.0, counts=4096)
+    return measure(run(PLANT._replace(**hidden), control, DT), SENSORS, DT, rng)
+
+
+def proposed(key: str, records: list[Record], **values: float) -> tuple[float, ...]:
+    model = Model.base('brushed_dc', {**BASE, **values}, speed_sensor=SpeedSensor.DIFFERENCE)
+    scales = scales_of('brushed_dc', model.parameters.values(), records)
+    return proposals(model, records, [catalogue()[key]], scales).get(key, ())
+
+
+@pytest.mark.parametrize('wrong', [{}, {'J': 3.1e-5, 'b': 5e-5}])
+def test_the_moment_of_a_load_step_is_found(wrong):
+    record = a_record(step_torque=4e-3, step_time=3.37)
+    moments = proposed('load_torque_step', [record], **wrong)
+    assert min(abs(t - 3.37) for t in moments) < 0.03
+
+
+def test_the_moment_of_an_inertia_change_is_found():
+    record = a_record(inertia_gain=0.3, inertia_time=5.21)
+    moments = proposed('inertia_change', [record], J=2.9e-5)
+    assert min(abs(t - 5.21) for t in moments) < 0.05
+
+
+def test_moments_count_from_the_start_of_the_record():
+    record = a_record(step_torque=4e-3, step_time=3.37)
+    later = Record(record.time + 1e6, record.signals, record.units)
+    here, there = (proposed('load_torque_step', [r]) for r in (record, later))
+    assert there == pytest.approx(here, abs=1e-3)
+
+
+@pytest.mark.parametrize('frequency', [0.83, 6.1, 23.0])
+def test_the_frequency_of_a_load_is_found(frequency):
+    record = a_record(swing=2e-3, frequency=frequency)
+    best = proposed('periodic_load', [record])
+    assert min(abs(f - frequency) for f in best) < 0.05
+
+
+def test_the_order_of_a_ripple_is_found_under_currents_of_both_signs():
+    record = a_record(ripple=0.1, ripple_order=12.0)
+    assert 12.0 in proposed('torque_ripple', [record])
+
+
+def test_few_values_are_proposed():
+    record = a_record()
+    for key in ('load_torque_step', 'inertia_change', 'periodic_load', 'torque_ripple'):
+        assert len(proposed(key, [record])) <= 5
+
+
+def test_an_axis_without_records_of_its_torque_proposes_nothing():
+    record = a_record().select(['voltage', 'speed'])
+    model = Model.base('brushed_dc', BASE)
+    scales = scales_of('brushed_dc_reduced', {'k_v': 0.05}, [record])
+    found = proposals(model, [record], [catalogue()['load_torque_step']], scales)
+    assert found['load_torque_step'] == ()
