@@ -38,6 +38,8 @@ def candidate_of(
         passes=trial.passes,
         note=trial.note,
         curve=_curve(trial, base, failure, records),
+        model=trial.rung.model,
+        predictions=(*trial.rung.training.predictions, *trial.rung.validation.predictions),
     )
 
 

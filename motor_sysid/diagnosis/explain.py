@@ -4,8 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from motor_sysid.diagnosis import words
+from motor_sysid.diagnosis.apart import rivalries_of
+from motor_sysid.diagnosis.blind import blind_spots, undetermined
+from motor_sysid.diagnosis.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.diagnosis.remainder import Remainder
-from motor_sysid.diagnosis.result import Diagnosis, Step
+from motor_sysid.diagnosis.result import Diagnosis, Step, Unknown, Verdict
+from motor_sysid.diagnosis.unknown import unknown_of
+from motor_sysid.diagnosis.where import failure_of
 
 
 def explained(
@@ -31,8 +36,43 @@ def explained(
         Data-sheet values: parameter to value in SI; may be empty.
     """
     verdict = diagnosis.verdict
-    return replace(
+    named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
+    clear = verdict is Verdict.EFFECT_MISSING
+    full = replace(
         diagnosis,
-        reasons=words.reasons(verdict, ladder, left, rivals),
-        experiment=words.experiment(verdict, ladder, rivals),
+        unknown=_unknown(diagnosis, ladder[-1], left),
+        evidence=evidence_of(ladder, diagnosis.records, left.floor_percent, nominal)
+        if named
+        else (),
+        wrong_parameters=wrong_parameters(ladder[0], ladder[-1]) if clear else (),
+        blind_spots=blind_spots(ladder[0].model, diagnosis.records, diagnosis.warnings),
+        rivalries=rivalries_of(ladder, rivals, diagnosis.records) if named else (),
+        experiment=words.experiment(verdict, rivals),
     )
+    return replace(full, reasons=tuple(_reasons(full, ladder, left, nominal)))
+
+
+def _reasons(
+    full: Diagnosis, ladder: Sequence[Step], left: Remainder, nominal: Mapping[str, float]
+) -> list[str]:
+    """Say what was found, most important first."""
+    if full.verdict is Verdict.COMPLETE:
+        lines = words.complete(ladder[0], left, full.blind_spots)
+    elif full.verdict is Verdict.UNKNOWN_EFFECT:
+        lines = words.unknown(ladder, left, full.unknown)
+    elif full.verdict is Verdict.INSUFFICIENT_DATA:
+        names = undetermined(ladder[0].model, full.warnings)
+        return words.insufficient(names, full.warnings, full.blind_spots)
+    else:
+        lines = words.named(ladder, left, full.evidence, full.rivalries, full.unknown)
+        lines += words.wrong(full.wrong_parameters)
+    return [*lines, *off_nominal(ladder[-1].model, nominal)]
+
+
+def _unknown(diagnosis: Diagnosis, last: Step, left: Remainder) -> tuple[Unknown, ...]:
+    """Return what the last model lacks, where something does remain."""
+    if diagnosis.verdict is Verdict.INSUFFICIENT_DATA or not words.remains(left):
+        return ()
+    records, roles = diagnosis.records, diagnosis.roles
+    failure = failure_of(last.model, records, roles, last.predictions)
+    return unknown_of(last.model, records, failure, diagnosis.noise_sigma)

@@ -230,6 +230,8 @@ class Candidate:
         this record``, ...); empty if nothing is to be said.
     curve:
         Its evidence, if it has an axis.
+    model, predictions:
+        The refitted model, and what it gives on each record; None and empty where not kept.
     """
 
     effect: str
@@ -244,6 +246,8 @@ class Candidate:
     passes: bool = False
     note: str = ''
     curve: Curve | None = None
+    model: Model | None = None
+    predictions: tuple[Mapping[str, Array], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -282,6 +286,115 @@ class Step:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """What speaks for an effect that was added.
+
+    Attributes
+    ----------
+    effect, title:
+        Key and name.
+    delta_bic:
+        Gain in BIC when it was added.
+    error_share_percent:
+        Share of the squared held-out error beyond sensor noise that it took away.
+    gain_percent:
+        Decrease of the held-out error.
+    parameters:
+        Final parameters: name to (value, unit, sigma, low, high), the last two the ends of the
+        95 % interval.
+    plausible:
+        Whether sign and size are what physics allows.
+    plausibility:
+        Why, in words; may be empty.
+    words:
+        All of this in sentences.
+    """
+
+    effect: str
+    title: str
+    delta_bic: float
+    error_share_percent: float
+    gain_percent: float
+    parameters: Mapping[str, tuple[float, str, float, float, float]]
+    plausible: bool
+    plausibility: str
+    words: str
+
+
+@dataclass(frozen=True)
+class WrongParameter:
+    """A base parameter that was wrong because of what was missing.
+
+    Attributes
+    ----------
+    name, description, unit:
+        What it is.
+    before, after, sigma_before, sigma_after:
+        Its value in the base model and in the last one, and their standard deviations.
+    factor:
+        Value before over value after; NaN where that means nothing.
+    words:
+        A sentence.
+    """
+
+    name: str
+    description: str
+    unit: str
+    before: float
+    after: float
+    sigma_before: float
+    sigma_after: float
+    factor: float
+    words: str
+
+
+@dataclass(frozen=True)
+class BlindSpot:
+    """Something that the excitation does not show.
+
+    Attributes
+    ----------
+    code:
+        Stable name: ``one_direction``, ``never_slow``, ...
+    parameters, effects:
+        Base parameters that are undetermined for it, and effects that cannot be seen or told apart
+        for it.
+    words, remedy:
+        What is missing, and what to record, in words.
+    """
+
+    code: str
+    parameters: tuple[str, ...]
+    effects: tuple[str, ...]
+    words: str
+    remedy: str
+
+
+@dataclass(frozen=True)
+class Rivalry:
+    """Two effects that the data cannot tell apart.
+
+    Attributes
+    ----------
+    effect, rival:
+        Keys.
+    overlap:
+        Share of what the effect changes in the simulated outputs that the rival changes, too, 0 to
+        1; NaN where the rival was not refitted beside it.
+    regime:
+        Where the two models would differ most, in words; empty if nowhere much more than here.
+    words:
+        A sentence.
+    """
+
+    effect: str
+    rival: str
+    overlap: float
+    regime: str
+    words: str
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """The whole answer.
 
@@ -309,6 +422,13 @@ class Diagnosis:
         What the fit has to say.
     unknown:
         For each equation, what it lacks and on which axis, where something unknown remains.
+    evidence, wrong_parameters:
+        For each effect that was added, what speaks for it; and the base parameters that were wrong
+        without them.
+    blind_spots:
+        What the excitation does not show.
+    rivalries:
+        Effects that the data cannot tell apart.
     """
 
     verdict: Verdict
@@ -323,6 +443,10 @@ class Diagnosis:
     seconds: float = 0.0
     warnings: tuple[str, ...] = field(default_factory=tuple)
     unknown: tuple[Unknown, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    wrong_parameters: tuple[WrongParameter, ...] = ()
+    blind_spots: tuple[BlindSpot, ...] = ()
+    rivalries: tuple[Rivalry, ...] = ()
 
     @property
     def model(self) -> Model:

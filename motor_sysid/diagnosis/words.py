@@ -1,11 +1,17 @@
 """The verdict in plain words."""
 
 from collections.abc import Mapping, Sequence
-import itertools
 
-from motor_sysid.diagnosis.refit import parameters_of
 from motor_sysid.diagnosis.remainder import Remainder
-from motor_sysid.diagnosis.result import Candidate, Step, Verdict
+from motor_sysid.diagnosis.result import (
+    BlindSpot,
+    Evidence,
+    Rivalry,
+    Step,
+    Unknown,
+    Verdict,
+    WrongParameter,
+)
 from motor_sysid.physics.effects import effect
 
 _EXPERIMENTS = {
@@ -15,111 +21,110 @@ _EXPERIMENTS = {
     'long load': 'high and low load in turn for several thermal time constants',
 }
 
-
-def reasons(
-    verdict: Verdict,
-    steps: Sequence[Step],
-    left: Remainder,
-    rivals: Mapping[str, tuple[str, ...]],
-) -> tuple[str, ...]:
-    """Say what was found, most important first."""
-    first, last = steps[0], steps[-1]
-    if verdict is Verdict.COMPLETE:
-        lines = [
-            f'Nothing is missing that these data could show: the held-out error is '
-            f'{first.validation_error_percent:.3g} %, sensor noise alone makes '
-            f'{left.floor_percent:.3g} %.'
-        ]
-        if left.over_floor > 1.3:
-            lines.append(
-                'What remains above the sensor noise is not predictable from the input, as random '
-                'load or drive ripple is.'
-            )
-    elif verdict is Verdict.UNKNOWN_EFFECT:
-        lines = [
-            f'Something is missing that the catalogue does not hold: the held-out error is '
-            f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
-            f'noise in one channel, and {100 * left.predictable:.0f} % of it is predictable from '
-            'the motion.',
-            'The maps of the unexplained torque and voltage show on which axis it lives.',
-        ]
-        lines += _partial(steps)
-    elif verdict is Verdict.INSUFFICIENT_DATA:
-        lines = ['These data do not determine the motor: excite it more.']
-    else:
-        lines = _named(steps, left, rivals)
-    lines += _wrong_parameters(first, last) if verdict is Verdict.EFFECT_MISSING else []
-    return tuple(lines)
+REMAINS, STRUCTURED = 1.3, 0.25
+"""Error over sensor noise, and its predictable share, from which what remains is spoken of."""
 
 
-def _named(
-    steps: Sequence[Step], left: Remainder, rivals: Mapping[str, tuple[str, ...]]
+def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[str]:
+    """Say that nothing is missing, and what these data could not have shown."""
+    lines = [
+        f'Nothing is missing that these data could show: the held-out error is '
+        f'{step.validation_error_percent:.3g} %, sensor noise alone makes '
+        f'{left.floor_percent:.3g} %.'
+    ]
+    if left.over_floor > REMAINS:
+        lines.append(
+            'What remains above the sensor noise is not predictable from the input, as random '
+            'load or drive ripple is.'
+        )
+    return [*lines, *(f'{spot.words} {_advice(spot)}' for spot in spots if spot.effects)]
+
+
+def unknown(
+    ladder: Sequence[Step], left: Remainder, found: Sequence[Unknown]
 ) -> list[str]:
-    first, last = steps[0], steps[-1]
-    names = ' and '.join(effect(k).card.title for k in last.model.effects) or 'nothing'
+    """Say that something unknown is missing, and on which axis it lives."""
+    last = ladder[-1]
+    lines = [
+        f'Something is missing that the catalogue does not hold: the held-out error is '
+        f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
+        f'noise in one channel, and {100 * left.predictable:.0f} % of it is predictable from '
+        'the motion.'
+    ]
+    return [*lines, *shapes(found), *_partial(ladder)]
+
+
+def shapes(found: Sequence[Unknown]) -> list[str]:
+    """Say on which axis each equation's lack lives; one that is noise is not spoken of.
+
+    Where two equations lack something on one axis, the clearer one is spoken of.
+    """
+    lines, axes = [], set()
+    for one in found:
+        if one.axis and one.axis in axes:
+            continue
+        axes.add(one.axis)
+        if one.axis or one.rms > 1.2 * one.noise:
+            lines.append(one.words)
+    return lines or ['It shows on no axis of the unexplained torque and voltage.']
+
+
+def insufficient(
+    names: Sequence[str], warnings: Sequence[str], spots: Sequence[BlindSpot]
+) -> list[str]:
+    """Say what the data do not determine, and what the excitation lacks."""
+    what = f': {", ".join(names)}' if names else ''
+    lines = [f'These data do not determine the motor{what}.']
+    lines += [f'{spot.words} {_advice(spot)}' for spot in spots]
+    told = {name for spot in spots for name in spot.parameters}
+    rest = [name for name in names if name not in told]
+    if rest and len(rest) < len(names):
+        lines.append(f'{", ".join(rest)}: excite the motor more, with steps of random height.')
+    if not spots:
+        lines += [f'{warning[:1].upper()}{warning[1:]}.' for warning in warnings]
+    return lines
+
+
+def named(
+    ladder: Sequence[Step],
+    left: Remainder,
+    evidence: Sequence[Evidence],
+    rivalries: Sequence[Rivalry],
+    found: Sequence[Unknown],
+) -> list[str]:
+    """Say what is missing, with its evidence."""
+    first, last = ladder[0], ladder[-1]
+    added = [k for k in last.model.effects if k not in first.model.effects]
+    names = ' and '.join(effect(k).card.title for k in added) or 'nothing'
     lines = [
         f'Missing: {names}. With it the held-out error falls from '
         f'{first.validation_error_percent:.3g} to {last.validation_error_percent:.3g} %; '
         f'sensor noise alone makes {left.floor_percent:.3g} %.'
     ]
-    for step, after in itertools.pairwise(steps):
-        added = next((k for k in after.model.effects if k not in step.model.effects), '')
-        found = next((c for c in step.candidates if c.effect == added), None)
-        if found is not None:
-            lines.append(_evidence(found, step, last))
-    for key, others in rivals.items():
-        if others:
-            lines.append(
-                f'{effect(key).card.title} cannot be told from '
-                f'{" or ".join(effect(o).card.title for o in others)} with these data.'
-            )
-    if left.over_floor > 1.3 and left.predictable > 0.25:
+    lines += [one.words for one in evidence]
+    lines += [one.words for one in rivalries]
+    if remains(left):
         lines.append(
             f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
             f'noise and {100 * left.predictable:.0f} % of it is predictable from the motion, but '
             'no effect of the catalogue explains it.'
         )
+        lines += shapes(found)
     return lines
 
 
-def _evidence(found: Candidate, before: Step, last: Step) -> str:
-    final = parameters_of(last.model, found.effect) or found.parameters
-    values = ', '.join(
-        f'{name} = {value:.4g} ± {sigma:.1g} {unit}'
-        for name, (value, unit, sigma) in final.items()
-    )
-    return (
-        f'{found.title} ({values}): evidence dBIC {found.delta_bic:.3g}, held-out error '
-        f'{before.validation_error_percent:.3g} to {found.validation_error_percent:.3g} %.'
-    )
+def remains(left: Remainder) -> bool:
+    """Whether something predictable remains above the sensor noise."""
+    return left.over_floor > REMAINS and left.predictable > STRUCTURED
 
 
-def _partial(steps: Sequence[Step]) -> list[str]:
-    if len(steps) < 2:
-        return []
-    names = ' and '.join(effect(k).card.title for k in steps[-1].model.effects)
-    return [
-        f'{names} would explain a part of it, but not enough to be named: a wrong neighbour often '
-        'looks like that.'
-    ]
-
-
-def _wrong_parameters(first: Step, last: Step) -> list[str]:
-    """Say which base parameters were wrong because of what was missing."""
-    shared = {name for key in last.model.effects for name in effect(key).card.shrinks}
-    lines = []
-    for p in last.model.parameters.free:
-        if '.' in p.name or not p.logarithmic or p.name in shared:
-            continue
-        ratio = first.model[p.name] / p.value
-        if ratio > 1.15 or ratio < 1 / 1.15:
-            size = f'{max(ratio, 1 / ratio):.2g} times too {"large" if ratio > 1 else "small"}'
-            lines.append(f'Without it, {p.name} ({p.description}) was {size}.')
-    return lines
+def wrong(found: Sequence[WrongParameter]) -> list[str]:
+    """Say which base parameters were wrong."""
+    return [one.words for one in found]
 
 
 def experiment(
-    verdict: Verdict, steps: Sequence[Step], rivals: Mapping[str, tuple[str, ...]]
+    verdict: Verdict, rivals: Mapping[str, tuple[str, ...]]
 ) -> dict[str, str] | None:
     """Say what to record next, if that would decide something."""
     if verdict is Verdict.INSUFFICIENT_DATA:
@@ -131,6 +136,20 @@ def experiment(
         names = ' from '.join((key, *rivals[key][:1]))
         return {'profile': _EXPERIMENTS[profile], 'purpose': f'to tell {names}'}
     return None
+
+
+def _partial(ladder: Sequence[Step]) -> list[str]:
+    if len(ladder) < 2:
+        return []
+    names = ' and '.join(effect(k).card.title for k in ladder[-1].model.effects)
+    return [
+        f'{names} would explain a part of it, but not enough to be named: a wrong neighbour often '
+        'looks like that.'
+    ]
+
+
+def _advice(spot: BlindSpot) -> str:
+    return f'{spot.remedy[:1].upper()}{spot.remedy[1:]}.' if spot.remedy else ''
 
 
 def _times(ratio: float) -> str:

@@ -1,0 +1,172 @@
+"""What the excitation does not show, and which parameters and effects cannot be seen for it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+import re
+
+import numpy as np
+
+from motor_sysid.diagnosis.figures import with_unit
+from motor_sysid.diagnosis.result import BlindSpot
+from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.model import Model
+from motor_sysid.signals.checks import excitation
+from motor_sysid.signals.record import Record
+
+VAGUE = 0.7
+"""Relative standard deviation above which a positive parameter counts as undetermined."""
+
+SELDOM = 0.005
+"""Share of the time in which a motor must turn slowly for its friction there to be seen."""
+
+ELECTRICAL = 1.0
+"""Samples in an electrical time constant below which the inductance cannot be seen."""
+
+
+@dataclass(frozen=True)
+class _Hidden:
+    """What cannot be seen: base parameters, effects, and whether effects are only mixed up."""
+
+    parameters: tuple[str, ...] = ()
+    effects: tuple[str, ...] = ()
+    alike: bool = False
+
+
+_FRICTION = ('coulomb_friction', 'asymmetric_coulomb_friction', 'stribeck_friction')
+_HIDDEN: Mapping[str, _Hidden] = {
+    'constant_input': _Hidden(('R', 'L', 'k_t', 'J', 'b', 'k_v', 'k_a'), _FRICTION, alike=True),
+    'no_motion': _Hidden(('k_t', 'J', 'b', 'k_v', 'k_a'), (*_FRICTION, 'quadratic_drag')),
+    'one_direction': _Hidden(
+        ('b', 'current_offset'),
+        ('coulomb_friction', 'constant_load_torque', 'current_sensor_offset'),
+        alike=True,
+    ),
+    'few_speeds': _Hidden(
+        ('b', 'k_v'), ('coulomb_friction', 'stribeck_friction', 'quadratic_drag'), alike=True
+    ),
+    'mostly_at_rest': _Hidden(('J', 'b', 'k_a')),
+    'short_travel': _Hidden((), ('cogging_torque', 'torque_ripple', 'gravity_load')),
+    'never_slow': _Hidden((), ('stribeck_friction', 'lugre_friction')),
+    'no_current': _Hidden(
+        ('R', 'L', 'k_t'),
+        ('brush_voltage_drop', 'torque_constant_saturation', 'inductance_saturation'),
+    ),
+    'slow_sampling': _Hidden(('L',), ('inductance_saturation', 'current_sensor_lag')),
+}
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A shortfall of the excitation."""
+
+    code: str
+    words: str
+    remedy: str
+
+
+def blind_spots(
+    model: Model, records: Sequence[Record], warnings: Sequence[str]
+) -> tuple[BlindSpot, ...]:
+    """Return what the excitation does not show.
+
+    Parameters
+    ----------
+    model:
+        The fitted base model with its standard deviations.
+    records:
+        What was recorded.
+    warnings:
+        What the fit says about parameters that it cannot determine.
+    """
+    vague = undetermined(model, warnings)
+    known = {key for key, one in catalogue().items() if one.card and _sensible(model, key)}
+    spots = []
+    for found in (*_from_checks(records), *_from_model(model, records, vague)):
+        hidden = _HIDDEN.get(found.code, _Hidden())
+        parameters = tuple(n for n in hidden.parameters if n in vague)
+        if found.code == 'no_current':
+            parameters = hidden.parameters
+        effects = tuple(k for k in hidden.effects if k in known)
+        tail = _consequence(parameters, effects, alike=hidden.alike)
+        spots.append(
+            BlindSpot(found.code, parameters, effects, f'{found.words}{tail}.', found.remedy)
+        )
+    return tuple(spots)
+
+
+def undetermined(model: Model, warnings: Sequence[str]) -> tuple[str, ...]:
+    """Return the free base parameters that the data do not determine."""
+    free = [p for p in model.parameters.free if '.' not in p.name]
+    text = ' '.join(w for w in warnings if 'these data' in w)
+    return tuple(
+        p.name
+        for p in free
+        if (p.logarithmic and p.sigma is not None and not p.sigma < VAGUE * p.value)
+        or re.search(rf'\b{re.escape(p.name)}\b', text)
+    )
+
+
+def _sensible(model: Model, key: str) -> bool:
+    return key not in model.effects and (
+        model.admits(catalogue()[key]) or 'i' not in model.kind.states
+    )
+
+
+def _from_checks(records: Sequence[Record]) -> Iterator[_Found]:
+    """Take over what the data doctor says of the excitation."""
+    for finding in excitation.check(records):
+        if finding.code in _HIDDEN:
+            yield _Found(finding.code, _capital(finding.message), finding.remedy)
+        if finding.code == 'excitation' and finding.numbers['share_slow'] < SELDOM:
+            share = finding.numbers['share_slow'] * 100
+            yield _Found(
+                'never_slow',
+                f'The motor turns slowly (at 2 to 10 % of its top speed) for {share:.1g} % of the '
+                'time only',
+                'add slow motion: ramps through zero, or constant low speeds in both directions',
+            )
+
+
+def _from_model(
+    model: Model, records: Sequence[Record], vague: Sequence[str]
+) -> Iterator[_Found]:
+    if 'i' not in model.kind.states and 'voltage' in records[0]:
+        yield _Found(
+            'no_current',
+            'No current is measured: friction and inertia are seen in volts',
+            'record the motor current, too',
+        )
+    names = {p.name for p in model.parameters}
+    if {'R', 'L'} <= names:
+        dt = float(np.median([r.dt for r in records]))
+        constant = model['L'] / model['R']
+        if constant < ELECTRICAL * dt and 'L' in vague:
+            wanted = 3 / max(constant, 1e-9)
+            yield _Found(
+                'slow_sampling',
+                f'A sample every {with_unit(dt, "s")} is longer than the electrical time constant '
+                f'(about {with_unit(constant, "s")})',
+                f'sample faster, at {with_unit(wanted, "Hz", 2)} or more',
+            )
+
+
+def _consequence(parameters: Sequence[str], effects: Sequence[str], *, alike: bool) -> str:
+    parts = []
+    if parameters:
+        verb = 'is' if len(parameters) == 1 else 'are'
+        parts.append(f'{_joined(parameters)} {verb} not determined')
+    if effects:
+        titles = [catalogue()[key].card.title for key in effects]
+        parts.append(
+            f'{_joined(titles)} cannot be told apart' if alike and len(titles) > 1
+            else f'{_joined(titles)} cannot be seen'
+        )  # fmt: skip
+    return f', so {" and ".join(parts)}' if parts else ''
+
+
+def _joined(names: Sequence[str]) -> str:
+    return ' and '.join([', '.join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+def _capital(text: str) -> str:
+    return text[:1].upper() + text[1:]
