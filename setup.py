@@ -78,6 +78,7 @@ setup(
             'pid = motor_sysid.nodes.pid:main',
             'identifier = motor_sysid.nodes.identifier:main',
             'recorder = motor_sysid.nodes.recorder:main',
+            'excitation = motor_sysid.nodes.excitation:main',
         ],
         # The group `motor_sysid.effects` is reserved for effects of other packages.
     },

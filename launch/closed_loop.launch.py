@@ -1,6 +1,7 @@
-"""The whole loop: motor, pid, identifier and recorder.
+"""The whole loop: motor, pid, identifier and recorder; and an experiment if asked for.
 
 ros2 launch motor_sysid closed_loop.launch.py hidden_effects:="[coulomb_friction]" record:=false
+ros2 launch motor_sysid closed_loop.launch.py profile:=topic excite:=true excitation:=next.yaml
 """
 
 from typing import List  # noqa: UP035
@@ -42,6 +43,12 @@ def generate_launch_description():
                 description='effects that the motor has and its model lacks',
             ),
             DeclareLaunchArgument('profile', default_value='mixed', description='speed profile'),
+            DeclareLaunchArgument(
+                'excite', default_value='false', description='run the node excitation, too'
+            ),
+            DeclareLaunchArgument(
+                'excitation', default_value='steps', description='its profile: file or name'
+            ),
             DeclareLaunchArgument('estimator', default_value='rls', description='rls or ekf'),
             DeclareLaunchArgument('record', default_value='true', description='record a bag'),
             DeclareLaunchArgument('bag', default_value='', description='folder of the bag'),
@@ -56,6 +63,11 @@ def generate_launch_description():
                 'recorder',
                 IfCondition(LaunchConfiguration('record')),
                 path=argument('bag', str),
+            ),
+            node(
+                'excitation',
+                IfCondition(LaunchConfiguration('excite')),
+                profile=argument('excitation', str),
             ),
             node('pid', profile=argument('profile', str)),
         ]

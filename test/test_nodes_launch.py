@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
+from motor_sysid.nodes.excitation import ExcitationSettings
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.motor import MotorSettings
 from motor_sysid.nodes.parameters import checked
@@ -21,6 +22,7 @@ KINDS = {
     'pid': PidSettings,
     'identifier': IdentifierSettings,
     'recorder': RecorderSettings,
+    'excitation': ExcitationSettings,
 }
 
 
@@ -75,7 +77,7 @@ def description(repository: Path, monkeypatch: pytest.MonkeyPatch) -> list[objec
     return loaded.generate_launch_description()
 
 
-def test_all_four_nodes_start_with_their_config_files(description: list[object]) -> None:
+def test_all_nodes_start_with_their_config_files(description: list[object]) -> None:
     found = {node.name: node for node in description if isinstance(node, LaunchedNode)}
     assert found.keys() == KINDS.keys()
     for name, node in found.items():

@@ -29,7 +29,7 @@ from motor_sysid.nodes.replay import replay
 from motor_sysid.recording import load
 from motor_sysid.recording.rosbag import Bag
 
-NAMES = ('motor', 'pid', 'identifier', 'recorder')
+NAMES = ('motor', 'pid', 'identifier', 'recorder', 'excitation')
 VECTOR, DIAGNOSTICS = 'geometry_msgs/msg/Vector3Stamped', 'diagnostic_msgs/msg/DiagnosticArray'
 INT, TERM, HUP = signal.SIGINT, signal.SIGTERM, signal.SIGHUP
 LOOP = {
@@ -53,6 +53,7 @@ BAD = {
     'pid': (parameters(kpp=1), 'did you mean `kp`'),
     'identifier': (parameters(estimater='ekf'), 'did you mean `estimator`'),
     'recorder': (parameters(storag='mcap'), 'did you mean `storage`'),
+    'excitation': (parameters(profil='steps'), 'did you mean `profile`'),
 }
 BAD_PID = (
     (['-p', 'kp'], 'cannot be used'),

@@ -25,6 +25,7 @@ from std_srvs.srv import Trigger
 import yaml
 
 from motor_sysid.errors import UserError
+from motor_sysid.nodes.excitation import ExcitationSettings
 from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.intake import RawTopic
@@ -51,6 +52,7 @@ SETTINGS = {
     'pid': PidSettings,
     'identifier': IdentifierSettings,
     'recorder': RecorderSettings,
+    'excitation': ExcitationSettings,
 }
 QUIET = {'current_noise': 0.0, 'current_bits': 0, 'encoder_counts': 0, 'current_offset': 0.0}
 

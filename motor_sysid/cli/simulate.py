@@ -10,6 +10,7 @@ from motor_sysid.cli.common import add_effect_file_argument, load_data, load_eff
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
+    from motor_sysid.control.profile import Profile
     from motor_sysid.physics.model import Model
     from motor_sysid.signals.record import Record
 
@@ -17,6 +18,7 @@ HELP = 'simulate a motor with effects and realistic sensors; write a CSV or a ba
 
 _REACH = 0.6
 _SLOWEST_LOOP = 0.05
+_FILES = ('.yaml', '.yml', '.csv')
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -64,7 +66,8 @@ def _add_motion_arguments(parser: argparse.ArgumentParser) -> None:
     motion = parser.add_argument_group('motion')
     motion.add_argument(
         '--profile', default='mixed', metavar='NAME',
-        help='speed reference of a controller: mixed, steps, reversals, ramps, sweep',
+        help='speed reference of a controller: mixed, steps, reversals, ramps, sweep, or a file '
+        'that `suggest` wrote, whose signal then drives the controller or the motor',
     )  # fmt: skip
     motion.add_argument(
         '--top-speed', type=float, metavar='SPEED',
@@ -119,33 +122,41 @@ def _model(args: argparse.Namespace) -> 'Model':
 
 
 def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
-    import numpy as np
-
     from motor_sysid.control.experiment import run_closed, run_open
     from motor_sysid.control.pid import Pid
-    from motor_sysid.control.profile import Profile
+    from motor_sysid.control.profile import SPEED
     from motor_sysid.control.tuning import speed_pi
 
     if args.input:
         return _follow(model, load_data([args.input], None)[0], args)
     dt = 1 / args.rate
-    sense = _sensors(model, args, dt)
-    time = dt * np.arange(max(round(args.duration * args.rate), 2))
-    if args.open_loop is not None:
-        profile = Profile(args.profile, args.open_loop, args.duration)
-        names = _inputs(model)
-        levels = np.array([profile(t) for t in time.tolist()])
-        return run_open(model, {names[0]: levels}, dt, sense)
+    profile, sense = _profile(model, args), _sensors(model, args, dt)
+    wanted = profile.sampled(dt)
+    if profile.signal != SPEED:
+        return run_open(model, {profile.signal: wanted}, dt, sense)
     if model.motor != 'brushed_dc':
         raise UserError(
             f'a {model.kind.title} is simulated without a controller; give --open-loop LEVEL '
             'or --input DATA'
         )
-    top = args.top_speed or _REACH * args.supply / model['k_t']
-    profile = Profile(args.profile, top, args.duration)
-    reference = np.array([profile(t) for t in time.tolist()])
     gains = speed_pi(model, max(_SLOWEST_LOOP, 20 * dt), args.supply)
-    return run_closed(model, reference, Pid(gains), dt, sense)
+    return run_closed(model, wanted, Pid(gains), dt, sense)
+
+
+def _profile(model: 'Model', args: argparse.Namespace) -> 'Profile':
+    """Return the profile of the file, or the built-in one of that name."""
+    from motor_sysid.control.experiment import unit_of
+    from motor_sysid.control.profile import Profile
+    from motor_sysid.control.profile_file import load_profile
+
+    if Path(args.profile).suffix in _FILES:
+        return load_profile(Path(args.profile))[0]
+    if args.open_loop is not None:
+        name = _inputs(model)[0]
+        unit = unit_of(name, linear=model.linear)
+        return Profile(args.profile, args.open_loop, args.duration, signal=name, unit=unit)
+    k_t = model['k_t'] if 'k_t' in model.parameters else 1.0
+    return Profile(args.profile, args.top_speed or _REACH * args.supply / k_t, args.duration)
 
 
 def _inputs(model: 'Model') -> tuple[str, ...]:

@@ -94,7 +94,7 @@ class NodeProcesses:
         raise UserError(f'node `{name}` (process {process.pid}) does not end')
 
     def stop_all(self) -> None:
-        """End the nodes that still run, the controller first: it leaves the motor at 0 V."""
+        """End the nodes that still run, what drives first: it leaves the motor at 0 V."""
         for name in sorted(self._running, key=_parting_order):
             self.stop(name)
 
@@ -110,7 +110,7 @@ def node_processes(folder: Path) -> Iterator[NodeProcesses]:
 
 
 def _parting_order(name: str) -> int:
-    order = ('pid', 'motor', 'identifier', 'recorder')
+    order = ('excitation', 'pid', 'motor', 'identifier', 'recorder')
     return order.index(name) if name in order else len(order)
 
 

@@ -1,0 +1,122 @@
+"""`motor-sysid suggest`: the next experiment, and what it will decide."""
+
+import argparse
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motor_sysid.cli.common import (
+    add_effect_file_argument,
+    add_reading_arguments,
+    load_data,
+    load_effect_files,
+    progress,
+    write_json,
+)
+from motor_sysid.errors import UserError
+
+if TYPE_CHECKING:
+    from motor_sysid.diagnosis import Experiment
+
+HELP = 'say what to record next to separate rival effects or determine weak parameters'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    parser.add_argument('model', type=Path, metavar='MODEL', help='model (YAML)')
+    parser.add_argument(
+        'data', nargs='+', type=Path, metavar='DATA', help='what has been recorded so far'
+    )
+    add_reading_arguments(parser)
+    asked = parser.add_argument_group('what is open (default: what a diagnosis of DATA leaves)')
+    one = asked.add_mutually_exclusive_group()
+    one.add_argument(
+        '--rivals', nargs='+', default=[], metavar='EFFECTS',
+        help='effects to tell apart; A+B belong together, `none` is the model as it is',
+    )  # fmt: skip
+    one.add_argument(
+        '--diagnosis', type=Path, metavar='JSON', help='a diagnosis that names the rivals'
+    )
+    one.add_argument(
+        '--parameters', nargs='+', default=[], metavar='NAME', help='parameters to determine'
+    )
+    _add_limits(parser)
+    parser.add_argument(
+        '-o', '--out', type=Path, metavar='FILE',
+        help='write the profile: .yaml for the node `excitation` and for simulate, or .csv',
+    )  # fmt: skip
+    add_effect_file_argument(parser)
+
+
+def _add_limits(parser: argparse.ArgumentParser) -> None:
+    limits = parser.add_argument_group('limits (default: what the motor has done in DATA)')
+    for names, unit, words in (
+        (('--voltage', '--input'), 'V', 'largest input either way; V, or N m, N, A of an axis'),
+        (('--speed',), 'SPEED', 'largest speed either way, rad/s or m/s'),
+        (('--current',), 'A', 'largest current either way'),
+        (('--travel',), 'WAY', 'largest distance from the start either way, rad or m'),
+        (('--time',), 'S', 'longest experiment (default: 10)'),
+    ):
+        limits.add_argument(*names, type=float, metavar=unit, help=words)
+    limits.add_argument('--one-way', action='store_true', help='the motor must not turn back')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Choose the experiment, print it, write what was asked for."""
+    from motor_sysid.control.profile_file import save_profile
+    from motor_sysid.diagnosis import suggest
+    from motor_sysid.diagnosis.experiment import limits_of
+    from motor_sysid.physics.store import load_model
+
+    load_effect_files(args.effect_file)
+    model = load_model(args.model)
+    records = [r.uniform() for r in load_data(args.data, args.msg_config)]
+    limits = limits_of(
+        records, model.kind, input=args.voltage, speed=args.speed, current=args.current,
+        travel=args.travel, time=args.time, reverse=False if args.one_way else None,
+    )  # fmt: skip
+    made = suggest(
+        model, records, rivals=args.rivals, diagnosis=_document(args.diagnosis),
+        parameters=args.parameters, limits=limits, progress=progress(),
+    )  # fmt: skip
+    print('\n'.join(summary(made)))
+    if args.out and made.profile is not None:
+        save_profile(
+            made.profile, args.out, limits=made.limits.sizes(), note=made.summary,
+            dt=records[0].dt,
+        )  # fmt: skip
+        print(f'profile: {args.out}')
+    write_json({'schema': 'motor_sysid/suggest/1', 'experiment': made.to_dict()}, args.json)
+    return 0
+
+
+def _document(path: Path | None) -> dict[str, object] | None:
+    if path is None:
+        return None
+    try:
+        document = json.loads(path.read_text(encoding='utf-8'))
+    except (OSError, ValueError) as problem:
+        raise UserError(f'cannot read diagnosis {path}: {problem}') from problem
+    if not isinstance(document, dict):
+        raise UserError(f'{path} is no diagnosis; write one with `diagnose --json`')
+    return document
+
+
+def summary(made: 'Experiment') -> list[str]:
+    """Return the experiment as lines of text."""
+    lines = ['', made.summary[0].upper() + made.summary[1:] + '.', *made.reasons]
+    if made.profile is None:
+        return lines
+    lines += ['', f'Do: {made.described()}.']
+    if made.peaks:
+        units = {'input': '', 'speed': '', 'current': ' A', 'travel': ''}
+        peaks = ', '.join(f'{n} {v:.3g}{units[n]}' for n, v in made.peaks.items())
+        lines.append(f'Predicted peaks, worst rival: {peaks}.')
+    for one in made.separations:
+        lines.append(f'  {" against ".join(one.rivals)}: expected dBIC {one.delta_bic:.0f}')
+    for row in made.sharpenings:
+        lines.append(
+            f'  {row.name} = {row.value:.4g} {row.unit}: sigma {row.sigma_before:.2g} -> '
+            f'{row.sigma_after:.2g}'
+        )
+    return lines
