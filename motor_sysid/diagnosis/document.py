@@ -1,16 +1,11 @@
 """A diagnosis as JSON: schema ``motor_sysid/diagnosis/1`` (docs/diagnosis.md)."""
 
-import math
-from typing import TypeAlias
-
-import numpy as np
-
-from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Where
+from motor_sysid.diagnosis.findings import curve_document, findings_document, map_document
+from motor_sysid.diagnosis.plain import Json, number, numbers
+from motor_sysid.diagnosis.result import Candidate, ChannelError, Diagnosis, Step, Where
 from motor_sysid.physics.model import Model
 
 SCHEMA = 'motor_sysid/diagnosis/1'
-
-Json: TypeAlias = 'dict[str, Json] | list[Json] | str | float | int | bool | None'
 
 
 def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Json]:
@@ -21,14 +16,19 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Json]:
         'effects': list(diagnosis.effects),
         'candidates': [_candidate(c) for c in _all_candidates(diagnosis)],
         'steps': [_step(s) for s in diagnosis.steps],
-        'noise_floor_percent': _number(diagnosis.noise_floor_percent),
-        'noise_sigma': {k: _number(v) for k, v in diagnosis.noise_sigma.items()},
+        'noise_floor_percent': number(diagnosis.noise_floor_percent),
+        'noise_sigma': {k: number(v) for k, v in diagnosis.noise_sigma.items()},
         'where': [where_document(w) for w in diagnosis.steps[0].where],
         'where_after': [where_document(w) for w in diagnosis.steps[-1].where],
+        'curves': [curve_document(c) for c in diagnosis.steps[0].curves],
+        'curves_after': [curve_document(c) for c in diagnosis.steps[-1].curves],
+        'maps': [map_document(m) for m in diagnosis.steps[0].maps],
+        'maps_after': [map_document(m) for m in diagnosis.steps[-1].maps],
+        **findings_document(diagnosis),
         'experiment': dict(diagnosis.experiment) if diagnosis.experiment else None,
         'reasons': list(diagnosis.reasons),
         'warnings': list(diagnosis.warnings),
-        'seconds': _number(diagnosis.seconds),
+        'seconds': number(diagnosis.seconds),
     }
 
 
@@ -36,9 +36,9 @@ def model_parameters(model: Model) -> dict[str, Json]:
     """Return parameter name to value, unit and sigma."""
     return {
         p.name: {
-            'value': _number(p.value),
+            'value': number(p.value),
             'unit': p.unit,
-            'sigma': None if p.sigma is None else _number(p.sigma),
+            'sigma': None if p.sigma is None else number(p.sigma),
             'free': p.free,
         }
         for p in model.parameters
@@ -62,11 +62,11 @@ def _candidate(one: Candidate) -> dict[str, Json]:
         'title': one.title,
         'equation': one.equation,
         'law': one.law,
-        'delta_bic': _number(one.delta_bic),
-        'train_error_percent': _number(one.train_error_percent),
-        'validation_error_percent': _number(one.validation_error_percent),
+        'delta_bic': number(one.delta_bic),
+        'train_error_percent': number(one.train_error_percent),
+        'validation_error_percent': number(one.validation_error_percent),
         'parameters': {
-            name: {'value': _number(value), 'unit': unit, 'sigma': _number(sigma)}
+            name: {'value': number(value), 'unit': unit, 'sigma': number(sigma)}
             for name, (value, unit, sigma) in one.parameters.items()
         },
         'confusable_with': list(one.confusable_with),
@@ -78,9 +78,9 @@ def _candidate(one: Candidate) -> dict[str, Json]:
 def _step(step: Step) -> dict[str, Json]:
     return {
         'effects': list(step.model.effects),
-        'train_error_percent': _number(step.train_error_percent),
-        'validation_error_percent': _number(step.validation_error_percent),
-        'channel_errors_percent': {k: _number(v) for k, v in step.channel_errors.items()},
+        'train_error_percent': number(step.train_error_percent),
+        'validation_error_percent': number(step.validation_error_percent),
+        'channel_errors_percent': {k: number(v) for k, v in step.channel_errors.items()},
         'parameters': model_parameters(step.model),
     }
 
@@ -90,13 +90,20 @@ def where_document(where: Where) -> dict[str, Json]:
     return {
         'axis': where.axis,
         'unit': where.unit,
-        'bins': [_number(v) for v in where.bins],
-        'error_percent': [_number(v) for v in where.error_percent],
-        'error_share': [_number(v) for v in where.error_share],
-        'time_share': [_number(v) for v in where.time_share],
+        'bins': numbers(where.bins),
+        'error_percent': numbers(where.error_percent),
+        'error_share': numbers(where.error_share),
+        'time_share': numbers(where.time_share),
+        'channels': {name: _channel(one) for name, one in where.channels.items()},
     }
 
 
-def _number(value: float | np.floating) -> float | None:
-    number = float(value)
-    return number if math.isfinite(number) else None
+def _channel(one: ChannelError) -> dict[str, Json]:
+    return {
+        'unit': one.unit,
+        'overall': number(one.overall),
+        'rms': numbers(one.rms),
+        'low': numbers(one.low),
+        'high': numbers(one.high),
+        'chance': number(one.chance),
+    }
