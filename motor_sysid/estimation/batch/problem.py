@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.model import Model
@@ -18,9 +19,6 @@ from motor_sysid.physics.rollout import Program
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
-
-DIFFERENCE_STEP = 1e-4
-"""Step of central differences in scaled coordinates: error below 4e-6 with measured position."""
 
 _REST_TIME = 0.02
 _WIDE_OPEN = 1e6
@@ -332,16 +330,11 @@ class Problem:
         return found
 
     def steps(self) -> Array:
-        """Return (d,) step of the central differences.
-
-        An input delay bends the outputs wherever an edge of the input passes a sample; its step
-        is a twentieth of a sample.
-        """
-        late = {f'{e.key}.{e.card.delay}' for e in self.program.effects if e.card.delay}
-        part = 0.05 * max(stretch.drive.dt for stretch in self.stretches)
-        return np.array(
-            [part / s if p.name in late else DIFFERENCE_STEP for p, s in self._sized()]
-        )
+        """Return (d,) step of the central differences."""
+        drives = [stretch.drive for stretch in self.stretches]
+        end = max(d.start + d.dt * len(d.inputs) for d in drives)
+        longest = max(d.dt for d in drives)
+        return difference_steps(self._sized(), self.program.effects, longest, end)
 
     def costs(self, z: Array, weighting: Weighting, at: Sequence[Linearization]) -> Array:
         """Return (P,) weighted sums of squares of (P, d) vectors; infinite where not a number.

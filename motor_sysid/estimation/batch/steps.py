@@ -1,0 +1,46 @@
+"""Steps of the central differences that sensitivities are made of."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.parameters import Parameter
+
+Array = NDArray[np.float64]
+
+DIFFERENCE_STEP = 1e-4
+"""Step in scaled coordinates: error below 4e-6 with measured position."""
+
+_PART = 0.05
+_PHASE = 0.1
+
+
+def difference_steps(
+    sized: Sequence[tuple[Parameter, float]], effects: Sequence[Effect], dt: float, end: float
+) -> Array:
+    """Return (d,) steps in scaled coordinates.
+
+    An input delay bends the outputs wherever an edge of the input passes a sample; its step is a
+    twentieth of a sample.  That of a frequency moves the phase by a tenth of a radian at most.
+
+    Parameters
+    ----------
+    sized:
+        Free parameters and the sizes of their coordinates.
+    effects:
+        Effects of the model.
+    dt, end:
+        Longest sample and longest time since the start of a record, s.
+    """
+    late = {f'{e.key}.{e.card.delay}' for e in effects if e.card.delay}
+    waves = {f'{e.key}.{e.card.frequency}' for e in effects if e.card.frequency}
+    steps = np.full(len(sized), DIFFERENCE_STEP)
+    for k, (p, size) in enumerate(sized):
+        if p.name in late:
+            steps[k] = _PART * dt / size
+        elif p.name in waves:
+            turn = 2 * np.pi * p.value * end
+            steps[k] = min(DIFFERENCE_STEP, _PHASE / max(turn, 1e-12))
+    return steps
