@@ -110,7 +110,8 @@ def _start_nodes(
     processes.start('recorder', {'path': str(out / 'bag'), 'storage': args.storage})
     processes.start(
         'identifier',
-        {'estimator': args.estimator, 'model_file': str(out / 'datasheet_model.yaml')},
+        {'estimator': args.estimator, 'model_file': str(out / 'datasheet_model.yaml'),
+         'diagnose_window': 0.4 * args.seconds, 'diagnose_period': args.seconds},
     )
     processes.start('pid', {
         'kp': gains.kp, 'ki': gains.ki, 'voltage_limit': SUPPLY, 'profile': 'mixed',

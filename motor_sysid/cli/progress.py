@@ -58,6 +58,7 @@ def _line(snapshot: 'Snapshot', seconds: float) -> str:
     ]
     parts += [f'{label} error {text}' for label, text in _errors(snapshot)]
     parts += [f'{name} {_value(found)}' for name, found in snapshot.estimates.items()]
+    parts += [f'live verdict: {snapshot.verdict}'] if snapshot.verdict else []
     return ' | '.join(parts)
 
 
@@ -90,4 +91,5 @@ def _table(snapshot: 'Snapshot', seconds: float) -> 'Table':
         table.add_row(f'{label} prediction', f'error {text}')
     for name, found in snapshot.estimates.items():
         table.add_row(name, _value(found), style='' if found.identifiable else 'dim')
+    table.add_row('live verdict', snapshot.verdict or 'none yet')
     return table

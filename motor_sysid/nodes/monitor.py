@@ -2,7 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 import time
 from types import TracebackType
@@ -32,6 +32,7 @@ LISTENERS = {
     '/motor/reference': ('recorder',),
     '/identifier/estimate': ('recorder',),
     '/identifier/model': ('recorder',),
+    '/identifier/diagnosis': ('recorder',),
 }
 """Who must listen to what before the loop may start."""
 
@@ -62,6 +63,8 @@ class Snapshot:
         Field of ~/residual (velocity, effort: the current) to its RMS over the last 2 s or so.
     estimates:
         By parameter.
+    verdict:
+        What the last diagnosis of the running identifier said, in one line; empty before any.
     """
 
     elapsed: float = 0.0
@@ -70,6 +73,7 @@ class Snapshot:
     tracking: float = math.nan
     errors: Mapping[str, float] = field(default_factory=dict)
     estimates: Mapping[str, Estimated] = field(default_factory=dict)
+    verdict: str = ''
 
 
 class Monitor:
@@ -91,6 +95,9 @@ class Monitor:
             self._node, '/identifier/estimate', 'diagnostic_msgs/msg/DiagnosticArray', few
         )
         self._residual = RawTopic(self._node, '/identifier/residual', JOINT, few)
+        self._diagnosis = RawTopic(
+            self._node, '/identifier/diagnosis', 'diagnostic_msgs/msg/DiagnosticArray', few
+        )
         self._read_speed = FieldReader(JOINT, (*STAMP, 'velocity[0]')).read
         self._read_reference = FieldReader(VECTOR, (*STAMP, 'vector.x')).read
         self._read_residual = FieldReader(JOINT, ('velocity[0]', 'effort[0]')).read
@@ -193,17 +200,17 @@ class Monitor:
         self._look_at_reference()
         for message in self._residual.drain():
             self._residuals.append(tuple(map(float, self._read_residual(message.data))))
-        estimates = self._estimate.drain()[-1:]
-        self._seen = Snapshot(
-            self._seen.elapsed,
-            next(reversed(self._speeds.values()), math.nan),
-            self._seen.reference,
-            _rms(list(self._errors)),
-            {
+        estimates, verdicts = self._estimate.drain()[-1:], self._diagnosis.drain()[-1:]
+        self._seen = replace(
+            self._seen,
+            speed=next(reversed(self._speeds.values()), math.nan),
+            tracking=_rms(list(self._errors)),
+            errors={
                 name: _rms([row[k] for row in self._residuals])
                 for k, name in enumerate(('velocity', 'effort'))
             },
-            _estimates(estimates[0].data) if estimates else self._seen.estimates,
+            estimates=_estimates(estimates[0].data) if estimates else self._seen.estimates,
+            verdict=_verdict(verdicts[0].data) if verdicts else self._seen.verdict,
         )
         return self._seen
 
@@ -219,10 +226,12 @@ class Monitor:
                 self._errors.append(reference - self._speeds[stamp])
         for stamp in list(self._speeds)[:-2000]:
             del self._speeds[stamp]
-        self._seen = Snapshot(
-            elapsed, self._seen.speed, reference, self._seen.tracking, self._seen.errors,
-            self._seen.estimates,
-        )  # fmt: skip
+        self._seen = replace(self._seen, elapsed=elapsed, reference=reference)
+
+
+def _verdict(data: bytes) -> str:
+    message = deserialize_message(data, DiagnosticArray)
+    return next((str(status.message) for status in message.status if status.name == 'verdict'), '')
 
 
 def _estimates(data: bytes) -> dict[str, Estimated]:

@@ -22,8 +22,8 @@ from motor_sysid.recording.writer import BagWriter, STORAGES
 
 TOPICS = (
     'motor/voltage', 'motor/current', 'motor/speed', 'motor/reference', 'motor/voltage_command',
-    'identifier/estimate', 'identifier/model', 'identifier/prediction', 'identifier/residual',
-    '/diagnostics',
+    'identifier/estimate', 'identifier/model', 'identifier/diagnosis', 'identifier/prediction',
+    'identifier/residual', '/diagnostics',
 )  # fmt: skip
 LOOK, CALM = 0.2, 1.0
 """Time between two looks for new topics, as long as some are missing and after that, s."""
