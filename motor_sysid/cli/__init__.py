@@ -13,8 +13,8 @@ from motor_sysid import __version__
 from motor_sysid.errors import UserError
 
 VERBS = (
-    'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'add', 'suggest', 'replay',
-    'record', 'report', 'benchmark',
+    'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'calibrate', 'add', 'suggest',
+    'replay', 'record', 'report', 'benchmark',
 )  # fmt: skip
 """Every verb, in the order of the help; each is a module of this package."""
 

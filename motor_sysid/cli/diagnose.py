@@ -2,6 +2,7 @@
 
 import argparse
 from pathlib import Path
+import sys
 import time
 from typing import TYPE_CHECKING
 
@@ -13,6 +14,7 @@ from motor_sysid.cli.common import (
     progress,
     write_json,
 )
+from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis import Diagnosis
@@ -35,6 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--max-effects', type=int, default=4, metavar='N', help='most to add (default: 4)'
     )
     parser.add_argument(
+        '--alpha', type=float, default=0.01, metavar='RATE',
+        help='false-alarm rate of evidence, if `motor-sysid calibrate` has told what that takes '
+        '(default: %(default)g)',
+    )  # fmt: skip
+    parser.add_argument(
         '-o', '--out', type=Path, metavar='MODEL', help='write the final model (YAML)'
     )
     parser.add_argument('--report', type=Path, metavar='HTML', help='write the page, too')
@@ -44,11 +51,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Diagnose, print the verdict, write what was asked for."""
     from motor_sysid.diagnosis import diagnose, Settings
+    from motor_sysid.diagnosis.calibration.store import load_calibrations
     from motor_sysid.diagnosis.diagnose import with_seconds
     from motor_sysid.diagnosis.document import diagnosis_document
     from motor_sysid.physics.datasheet import load_datasheet
     from motor_sysid.physics.store import load_model, save_model
 
+    if not 0.0 < args.alpha < 1.0:
+        raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
     load_effect_files(args.effect_file)
     sheet = load_datasheet(args.nominal) if args.nominal else None
     model = load_model(args.model) if args.model else None
@@ -62,12 +72,20 @@ def run(args: argparse.Namespace) -> int:
         model=model,
         nominal=sheet.nominal if sheet else None,
         effects=args.effects,
-        settings=Settings(max_effects=args.max_effects, validation_fraction=args.hold_back),
+        settings=Settings(
+            max_effects=args.max_effects,
+            validation_fraction=args.hold_back,
+            alpha=args.alpha,
+            calibrations=tuple(load_calibrations(complain=_complain)),
+        ),
         progress=progress(),
     )
     found = with_seconds(found, time.perf_counter() - began)
     print('\n'.join(summary(found)))
-    write_json(diagnosis_document(found), args.json)
+    if args.json:
+        from motor_sysid.workbench.view import build_view
+
+        write_json({**diagnosis_document(found), 'view': build_view(found)}, args.json)
     if args.out:
         save_model(found.model, args.out)
         print(f'model: {args.out}')
@@ -76,6 +94,10 @@ def run(args: argparse.Namespace) -> int:
 
         print(f'report: {write_report(found, args.report)}')
     return 0
+
+
+def _complain(text: str) -> None:
+    print(f'note: {text}', file=sys.stderr)
 
 
 def summary(found: 'Diagnosis') -> list[str]:

@@ -5,6 +5,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
+from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
@@ -26,6 +28,7 @@ from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.rounds import refitted, scored
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
@@ -71,11 +74,17 @@ class Settings:
         Candidates that are refitted in each round, best score first.
     validation_fraction:
         Part of each record that is held back where no validation records are given.
+    alpha:
+        False-alarm rate that evidence is held to, where a calibration tells what that means.
+    calibrations:
+        Calibrations to choose from; see `motor_sysid.diagnosis.calibration`.
     """
 
     max_effects: int = 4
     refits: int = 6
     validation_fraction: float = 0.2
+    alpha: float = 0.01
+    calibrations: tuple[Calibration, ...] = ()
 
 
 def diagnose(
@@ -123,7 +132,16 @@ def diagnose(
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
     bench = with_scales(bench, model)
     candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
-    return _Engine(bench, candidates, settings, tell, nominal or {}).run(climb(model, bench))
+    threshold = threshold_for(
+        settings.calibrations,
+        model,
+        situation_of(model, records, bench.outputs),
+        settings.alpha,
+        [one.key for one in candidates],
+    )
+    bench = replace(bench, threshold=threshold.delta_bic)
+    found = _Engine(bench, candidates, settings, tell, nominal or {}).run(climb(model, bench))
+    return with_threshold(found, threshold)
 
 
 class _Engine:
@@ -380,6 +398,16 @@ def _refuse(train: Sequence[Record], validation: Sequence[Record]) -> None:
                 f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
                 f'needs at least {MIN_SAMPLES}, better 5000'
             )
+
+
+def with_threshold(diagnosis: Diagnosis, threshold: Threshold) -> Diagnosis:
+    """Return the diagnosis with what it asked of evidence, and in words why."""
+    said = (threshold.words,)
+    if threshold.alpha is None:
+        return replace(
+            diagnosis, calibration=threshold, warnings=(*diagnosis.warnings, *said)
+        )
+    return replace(diagnosis, calibration=threshold, reasons=(*diagnosis.reasons, *said))
 
 
 def with_seconds(diagnosis: Diagnosis, seconds: float) -> Diagnosis:

@@ -3,6 +3,7 @@
 from motor_sysid.diagnosis.findings import curve_document, findings_document, map_document
 from motor_sysid.diagnosis.plain import Json, number, numbers
 from motor_sysid.diagnosis.result import Candidate, ChannelError, Diagnosis, Step, Where
+from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.physics.model import Model
 
 SCHEMA = 'motor_sysid/diagnosis/1'
@@ -26,6 +27,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Json]:
         'maps_after': [map_document(m) for m in diagnosis.steps[-1].maps],
         **findings_document(diagnosis),
         'experiment': dict(diagnosis.experiment) if diagnosis.experiment else None,
+        'calibration': _threshold(diagnosis.calibration),
         'reasons': list(diagnosis.reasons),
         'warnings': list(diagnosis.warnings),
         'seconds': number(diagnosis.seconds),
@@ -54,6 +56,19 @@ def _all_candidates(diagnosis: Diagnosis) -> list[Candidate]:
             if known is None or (one.passes, one.delta_bic) > (known.passes, known.delta_bic):
                 best[one.effect] = one
     return sorted(best.values(), key=lambda c: (not c.passes, -c.delta_bic))
+
+
+def _threshold(one: Threshold | None) -> Json:
+    if one is None:
+        return None
+    return {
+        'delta_bic': number(one.delta_bic),
+        'alpha': one.alpha,
+        'limits': [number(limit) for limit in one.limits],
+        'runs': one.runs,
+        'beyond': number(one.beyond),
+        'words': one.words,
+    }
 
 
 def _candidate(one: Candidate) -> dict[str, Json]:

@@ -7,6 +7,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
@@ -429,6 +430,8 @@ class Diagnosis:
         What the excitation does not show.
     rivalries:
         Effects that the data cannot tell apart.
+    calibration:
+        What was asked of evidence, and where that figure comes from; None if nobody asked.
     """
 
     verdict: Verdict
@@ -447,6 +450,7 @@ class Diagnosis:
     wrong_parameters: tuple[WrongParameter, ...] = ()
     blind_spots: tuple[BlindSpot, ...] = ()
     rivalries: tuple[Rivalry, ...] = ()
+    calibration: Threshold | None = None
 
     @property
     def model(self) -> Model:

@@ -1,0 +1,209 @@
+"""`motor-sysid calibrate`: how much evidence chance makes on the user's own motor."""
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motor_sysid.cli.common import (
+    add_data_arguments,
+    add_effect_file_argument,
+    load_data,
+    load_effect_files,
+    progress,
+    write_json,
+)
+from motor_sysid.errors import UserError
+
+if TYPE_CHECKING:
+    from motor_sysid.diagnosis.calibration.calibration import Calibration
+    from motor_sysid.diagnosis.calibration.null import Chance, Plan
+    from motor_sysid.physics.model import Model
+    from motor_sysid.signals.record import Record
+
+HELP = 'find the threshold of evidence for your motor, from complete-model runs of it'
+
+FEWEST = 20
+LIMIT = 300.0
+MOST_LOST = 0.05
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    add_data_arguments(parser, validate=True)
+    parser.add_argument(
+        '--model', type=Path, metavar='MODEL',
+        help='model (YAML) that lacks nothing; default: what a diagnosis of DATA ends with',
+    )  # fmt: skip
+    parser.add_argument('--motor', metavar='KIND', help='motor kind; default: what the data allow')
+    parser.add_argument(
+        '--effects', nargs='+', metavar='EFFECT', help='look only for these; default: all'
+    )
+    parser.add_argument(
+        '--runs', type=int, default=200, metavar='N', help='complete-model runs (default: 200)'
+    )
+    parser.add_argument(
+        '--alpha', type=float, default=0.01, metavar='RATE',
+        help='false-alarm rate to show the threshold of (default: %(default)g)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--seed', type=int, default=0, metavar='N', help='of the runs (default: %(default)s)'
+    )
+    parser.add_argument(
+        '--workers', type=int, default=os.cpu_count() or 1, metavar='N',
+        help='processes; the result does not depend on it (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '-o', '--out', type=Path, metavar='FILE',
+        help="where to keep it; default: the user's folder, where `diagnose` finds it",
+    )  # fmt: skip
+    add_effect_file_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan, run, conclude, keep."""
+    from motor_sysid.diagnosis.calibration.calibration import concluded
+    from motor_sysid.diagnosis.calibration.null import make_plan
+    from motor_sysid.diagnosis.calibration.store import save_calibration
+    from motor_sysid.physics.effects import catalogue
+
+    _refuse(args)
+    load_effect_files(args.effect_file)
+    train = load_data(args.data, args.msg_config)
+    held = load_data(args.validate, args.msg_config)
+    plan = make_plan(
+        _complete(args, train, held),
+        train,
+        held,
+        fraction=args.hold_back,
+        candidates=args.effects or list(catalogue()),
+        seed=args.seed,
+        tell=progress(),
+    )
+    print('\n'.join(_planned(plan)))
+    found = concluded(plan, _runs(plan, args), [*train, *held])
+    print('\n'.join(summary(found, args.alpha)))
+    print(f'calibration: {save_calibration(found, args.out)}')
+    write_json(_document(found, args.alpha), args.json)
+    return 0
+
+
+def _refuse(args: argparse.Namespace) -> None:
+    if args.runs < FEWEST:
+        raise UserError(
+            f'--runs {args.runs} tells nothing about rare events; make it at least {FEWEST}, '
+            'better 200'
+        )
+    if not 0.0 < args.alpha < 1.0:
+        raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
+    if args.workers < 1:
+        raise UserError(f'--workers {args.workers}; at least 1 is needed')
+    if args.seed < 0:
+        raise UserError(f'--seed is {args.seed}; it must be 0 or more')
+
+
+def _complete(
+    args: argparse.Namespace, train: 'Sequence[Record]', held: 'Sequence[Record]'
+) -> 'Model':
+    """Return the model that lacks nothing: the given one, or what a diagnosis ends with."""
+    from motor_sysid.diagnosis import diagnose, Settings, Verdict
+    from motor_sysid.physics.store import load_model
+
+    if args.model:
+        return load_model(args.model)
+    found = diagnose(
+        train,
+        held,
+        motor=args.motor,
+        effects=args.effects,
+        settings=Settings(validation_fraction=args.hold_back),
+        progress=progress(),
+    )
+    if found.verdict is Verdict.INSUFFICIENT_DATA:
+        raise UserError(f'{found.reasons[0]} There is nothing to calibrate for.')
+    if found.verdict is Verdict.UNKNOWN_EFFECT:
+        print(
+            'note: something unknown is missing here; it counts as noise, so the threshold will '
+            'be too high rather than too low'
+        )
+    return found.model
+
+
+def _planned(plan: 'Plan') -> list[str]:
+    """Say what will be simulated."""
+    model = ' + '.join([f'linear {plan.model.kind.title}', *plan.model.effects])
+    lines = [f'complete model: {model}']
+    lines += [f'driven by: {words}' for words in plan.driven_by]
+    lines += [f'noise: {words}' for words in plan.noise.words]
+    off = plan.noise.mismatch_db
+    return [*lines, f'spectra of real and simulated errors agree to {off:.2g} dB']
+
+
+def _runs(plan: 'Plan', args: argparse.Namespace) -> 'list[Chance]':
+    from motor_sysid.benchmark import workers
+    from motor_sysid.cli.countdown import Countdown
+    from motor_sysid.diagnosis.calibration.null import chance
+
+    done: list[Chance] = []
+    lost: list[str] = []
+    with Countdown(args.runs, 'complete-model runs') as count:
+        for _, answer in workers.each(
+            range(args.runs),
+            partial(chance, plan),
+            workers=args.workers,
+            limit=LIMIT,
+            warm_up=partial(load_effect_files, args.effect_file),
+        ):
+            if isinstance(answer, workers.Lost):
+                lost.append(answer.reason)
+            else:
+                done.append(answer)
+            count(len(done) + len(lost))
+    if len(lost) > MOST_LOST * args.runs:
+        raise UserError(
+            f'{len(lost)} of {args.runs} runs came to nothing ({lost[0]}); the model is not one '
+            'that can be run like this recording'
+        )
+    if lost:
+        print(f'note: {len(lost)} of {args.runs} runs came to nothing and do not count')
+    return done
+
+
+def summary(found: 'Calibration', alpha: float) -> list[str]:
+    """Return what was found as lines of text."""
+    threshold = found.threshold(alpha)
+    low, high = threshold.limits
+    plain, gated = found.false_alarms(threshold.delta_bic)
+    quantile = found.quantile(alpha).value
+    lines = [
+        '',
+        f'Threshold for a false-alarm rate of {100 * alpha:g} %: dBIC {threshold.delta_bic:.3g}',
+        f'noise alone: dBIC {quantile:.3g} [{low:.3g}, {high:.3g}] is exceeded that often '
+        f'({threshold.runs} runs); the threshold is never below 10',
+        f'runs above the threshold: {100 * plain:.3g} %, and through all gates: '
+        f'{100 * gated:.3g} %',
+    ]
+    if threshold.beyond > 1.0:
+        lines.append(
+            f'The rate lies {threshold.beyond:.2g} times beyond what {threshold.runs} runs show '
+            f'directly ({100 / threshold.runs:.2g} %): it is extrapolated with a Pareto tail.'
+        )
+    return lines
+
+
+def _document(found: 'Calibration', alpha: float) -> dict[str, object]:
+    threshold = found.threshold(alpha)
+    return {
+        'schema': 'motor_sysid/calibration/1',
+        'alpha': alpha,
+        'threshold': threshold.delta_bic,
+        'quantile': found.quantile(alpha).value,
+        'limits': list(threshold.limits),
+        'runs': threshold.runs,
+        'beyond': threshold.beyond,
+        'evidence': list(found.evidence),
+        'passing': [v if v > -float('inf') else None for v in found.passing],
+        'provenance': dict(found.provenance),
+    }

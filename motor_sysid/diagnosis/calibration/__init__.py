@@ -1,0 +1,1 @@
+"""Calibration: how much evidence noise alone makes, by complete-model runs of the own motor."""
