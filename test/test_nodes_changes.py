@@ -1,8 +1,11 @@
 """A running identifier changes its model: hand-over, start values, refusals, jobs."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 import random
 
+from closed_loop import FRICTION, wrong_motor
+from closed_loop import samples as samples_of_a_motor
 import numpy as np
 from numpy.typing import NDArray
 import pytest
@@ -127,6 +130,31 @@ def test_a_reset_keeps_the_change_and_stamps_may_fall_back() -> None:
     stream.reset()
     stream.feed(stamps, inputs, outputs)
     assert stream.estimate()['sum'][0] == -1.0, 'it begins with the new kind at once'
+
+
+@pytest.mark.parametrize('estimator', ['rls', 'ekf'])
+def test_a_real_estimator_hands_over_and_learns_the_new_effect(estimator: str) -> None:
+    """Friction starts at zero: no diagnosis has told it."""
+    plain = wrong_motor().without_effect('coulomb_friction')
+    first = Configuration(plain, estimator)
+    rows = samples_of_a_motor(10.0)
+    stamps = SECOND + np.round(1e9 * rows[:, 0]).astype(np.int64)
+    inputs, outputs = rows[:, 1:2], rows[:, 2:5]
+    stream = EstimateStream(first.make, RATES)
+    head = stream.feed(stamps[:5000], inputs[:5000], outputs[:5000])
+    new = replace(first, model=edited(plain, ['coulomb_friction'], stream.estimate()))
+    stream.change(new.make)
+    tail = stream.feed(stamps[5000:], inputs[5000:], outputs[5000:])
+    value, sigma, _, known = stream.estimate()['coulomb_friction.tau_c']
+    assert known
+    assert value == pytest.approx(FRICTION, rel=0.1)
+    assert sigma < 0.2 * FRICTION
+    speed = np.array([event.residual['speed'] for event in (*head, *tail)])
+    assert np.isfinite(speed[1:]).all()
+    before, after = (np.sqrt(np.mean(part**2)) for part in (speed[100:250], speed[-150:]))
+    assert after < 0.9 * before
+    overlap = speed[250:420]  # 0 to 3.4 s after the change, the hand-over in it
+    assert np.max(np.abs(overlap)) < 1.1 * np.max(np.abs(speed[100:250])), 'no jump'
 
 
 # --- which model a running identifier may be given
