@@ -16,15 +16,15 @@ from motor_sysid.errors import UserError
 if TYPE_CHECKING:
     from motor_sysid.workbench.schema import View
 
-HELP = 'write one self-contained HTML page from a saved report, or from a model and data'
+HELP = 'write one self-contained HTML page from a saved diagnosis, or from a model and data'
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument(
         'inputs', nargs='+', metavar='INPUT', type=Path,
-        help='one saved report (.json), or a MODEL (.yaml) and one or more DATA: then what the '
-        'model lacks on them is found first',
+        help='one saved diagnosis or report (.json), or a MODEL (.yaml) and one or more DATA: then '
+        'what the model lacks on them is found first',
     )  # fmt: skip
     parser.add_argument(
         '--validate', nargs='+', default=[], metavar='DATA', type=Path,
@@ -64,7 +64,7 @@ def _view_of_model(args: argparse.Namespace) -> 'View':
     model, *data = args.inputs
     if not data:
         raise UserError(
-            f'{model} alone makes no report; give one saved report (.json), or a model (.yaml) '
+            f'{model} alone makes no report; give one saved diagnosis (.json), or a model (.yaml) '
             'followed by data'
         )
     found = diagnose(

@@ -13,7 +13,7 @@ from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
-CONSTANT, RECENT, FRICTION = 'nothing', 'recent input', 'dry friction'
+CONSTANT, RECENT, FRICTION = 'constant', 'recent input', 'dry friction'
 OVER = ' over '
 """Names of what is no axis of its own; a parameter over time is ``PARAMETER over CLOCK``."""
 

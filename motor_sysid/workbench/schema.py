@@ -26,6 +26,8 @@ class VerdictView(TypedDict):
     warnings: list[str]
     experiment: dict[str, str] | None
     seconds: float | None
+    unknown: list['UnknownView']
+    blind_spots: list['BlindSpotView']
 
 
 class StretchView(TypedDict):
@@ -108,6 +110,59 @@ class CurveView(TypedDict):
     mean: str
     band: str
     law: str | None
+    chance: float | None
+
+
+class MapLayer(TypedDict):
+    """A `motor_sysid.diagnosis.result.Map`; `value` and `band` row by row, NaN for no cell."""
+
+    quantity: str
+    unit: str
+    x: str
+    x_unit: str
+    y: str
+    y_unit: str
+    x_edges: list[float | None]
+    y_edges: list[float | None]
+    value: str
+    band: str
+
+
+class ChannelErrorView(TypedDict):
+    """A `motor_sysid.diagnosis.result.ChannelError`."""
+
+    unit: str
+    overall: float | None
+    rms: list[float | None]
+    low: list[float | None]
+    high: list[float | None]
+    chance: float | None
+
+
+class AxisShareView(TypedDict):
+    """How much of what an equation lacks is a function of one axis, 0 to 1."""
+
+    axis: str
+    share: float | None
+    best: bool
+
+
+class UnknownView(TypedDict):
+    """A `motor_sysid.diagnosis.result.Unknown`."""
+
+    quantity: str
+    axis: str
+    shape: str
+    words: str
+    axes: list[AxisShareView]
+    curve: CurveView | None
+
+
+class BlindSpotView(TypedDict):
+    """A `motor_sysid.diagnosis.result.BlindSpot`."""
+
+    words: str
+    remedy: str
 
 
 class WhereView(TypedDict):
@@ -119,6 +174,7 @@ class WhereView(TypedDict):
     error_percent: list[float | None]
     error_share: list[float | None]
     time_share: list[float | None]
+    channels: dict[str, ChannelErrorView]
 
 
 class ParameterView(TypedDict):
@@ -182,6 +238,7 @@ class StepView(TypedDict):
     regimes: list[RegimeShare]
     where: list[WhereView]
     curves: list[CurveView]
+    maps: list[MapLayer]
     candidates: list[CandidateView]
     parameters: list[ParameterView]
 

@@ -6,14 +6,16 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.result import Candidate, Curve, Where
+from motor_sysid.diagnosis.result import Candidate, ChannelError, Curve, Map, Where
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.workbench.axis import decimate, join, pack
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.regimes import FEWEST, REGIMES, rms_by
 from motor_sysid.workbench.schema import (
     CandidateView,
+    ChannelErrorView,
     CurveView,
+    MapLayer,
     ParameterView,
     RegimeShare,
     StepView,
@@ -45,6 +47,7 @@ def step_view(index: int, bench: Bench) -> StepView:
         'regimes': _regime_shares(index, bench),
         'where': [_where(where) for where in step.where],
         'curves': [curve_view(curve) for curve in step.curves],
+        'maps': [_layer(drawn) for drawn in step.maps],
         'candidates': _candidates(index, bench),
         'parameters': _parameters(index, bench),
     }
@@ -61,6 +64,7 @@ def curve_view(curve: Curve) -> CurveView:
         'mean': pack(curve.mean),
         'band': pack(curve.band),
         'law': None if curve.law is None else pack(curve.law),
+        'chance': number(curve.chance),
     }
 
 
@@ -122,6 +126,33 @@ def _where(where: Where) -> WhereView:
         'error_percent': _numbers(where.error_percent),
         'error_share': _numbers(where.error_share),
         'time_share': _numbers(where.time_share),
+        'channels': {name: _channel_error(one) for name, one in where.channels.items()},
+    }
+
+
+def _channel_error(one: ChannelError) -> ChannelErrorView:
+    return {
+        'unit': one.unit,
+        'overall': number(one.overall),
+        'rms': _numbers(one.rms),
+        'low': _numbers(one.low),
+        'high': _numbers(one.high),
+        'chance': number(one.chance),
+    }
+
+
+def _layer(drawn: Map) -> MapLayer:
+    return {
+        'quantity': drawn.quantity,
+        'unit': drawn.unit,
+        'x': drawn.x_axis,
+        'x_unit': drawn.x_unit,
+        'y': drawn.y_axis,
+        'y_unit': drawn.y_unit,
+        'x_edges': _numbers(drawn.x_edges),
+        'y_edges': _numbers(drawn.y_edges),
+        'value': pack(drawn.value),
+        'band': pack(drawn.band),
     }
 
 

@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result import Diagnosis, Unknown, Verdict
 from motor_sysid.errors import UserError
 from motor_sysid.workbench.axis import axis_times, decimate, join, pack, Stretch
 from motor_sysid.workbench.bench import Bench
@@ -21,10 +21,11 @@ from motor_sysid.workbench.schema import (
     RegimesView,
     SCHEMA,
     StretchView,
+    UnknownView,
     VerdictView,
     View,
 )
-from motor_sysid.workbench.steps import step_view
+from motor_sysid.workbench.steps import curve_view, step_view
 from motor_sysid.workbench.words import (
     held_out_words,
     motor_title,
@@ -84,22 +85,25 @@ def save_view(view: View, path: str | Path) -> Path:
 
 
 def load_view(path: str | Path) -> View:
-    """Read a view that `save_view` wrote.
+    """Read a view that `save_view` wrote, or that a saved diagnosis holds.
 
     Raises
     ------
     UserError
-        If the file is not a view of this version.
+        If the file is neither, or of another version.
     """
     try:
         view = json.loads(Path(path).read_text(encoding='utf-8'))
     except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
         raise UserError(f'cannot read the view {path}: {error}') from None
+    if isinstance(view, dict) and isinstance(view.get('view'), dict):
+        view = view['view']
     schema = view.get('schema') if isinstance(view, dict) else None
     if schema != SCHEMA:
         raise UserError(
             f'{path} has schema {schema!r}, a saved report view has {SCHEMA!r}; '
-            '`motor-sysid report MODEL DATA --json FILE` saves one'
+            '`motor-sysid diagnose DATA --json FILE` and `motor-sysid report MODEL DATA --json '
+            'FILE` save one'
         )
     return cast(View, view)
 
@@ -120,6 +124,21 @@ def _verdict(diagnosis: Diagnosis, titles: dict[str, str]) -> VerdictView:
         if diagnosis.experiment is None
         else {key: with_titles(text, titles) for key, text in diagnosis.experiment.items()},
         'seconds': number(diagnosis.seconds),
+        'unknown': [_unknown(one) for one in diagnosis.unknown],
+        'blind_spots': [
+            {'words': one.words, 'remedy': one.remedy} for one in diagnosis.blind_spots
+        ],
+    }
+
+
+def _unknown(one: Unknown) -> UnknownView:
+    return {
+        'quantity': one.quantity,
+        'axis': one.axis,
+        'shape': one.shape,
+        'words': one.words,
+        'axes': [{'axis': a.axis, 'share': number(a.share), 'best': a.best} for a in one.axes],
+        'curve': None if one.curve is None else curve_view(one.curve),
     }
 
 

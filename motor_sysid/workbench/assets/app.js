@@ -152,6 +152,7 @@ function listen() {
     if (document.body.clientWidth === width) return;
     width = document.body.clientWidth;
     drawLadder(page.view, page.step, pickByHand);
+    drawUnknown(page.view);
     page.where.redraw();
   })).observe($('#plots'));
 }
@@ -179,6 +180,8 @@ function show(view) {
   $('#kind').textContent = view.actions ? 'workbench' : 'report';
   $('#source').textContent = [view.source, view.motor.title, lengthText(view), view.held_out].join(' · ');
   drawHeadline(view);
+  drawBlindSpots(view);
+  drawUnknown(view);
   fillControls();
 }
 

@@ -2,6 +2,8 @@
 /* Pictures that are drawn from numbers alone: colour scale, curve with its law, bars. */
 
 const CURVE_HEIGHT = 126;
+const MAP_HEIGHT = 138;
+const WAYS = ['backward', 'rest', 'forward'];
 
 const keyOf = (curve) => `${curve.quantity}:${curve.axis}`;
 const reachOf = (curve) =>
@@ -53,15 +55,21 @@ function axisValues(curve) {
   return [x.map((v) => (v * 180) / Math.PI), '°'];
 }
 
+/** Whether noise alone makes a curve like this more often than once in twenty times. */
+const isNoise = (curve) => curve.chance !== null && curve.chance !== undefined && curve.chance > 0.05;
+
 function curvePicture(curve, width, reach) {
   const [x, xUnit] = axisValues(curve);
   const [mean, band, law] = [curve.mean, curve.band, curve.law].map(f32);
   const [factor, letter] = prefix(reach, curve.unit);
-  const frame = chartFrame(width, x, niceReach(reach * factor), xUnit);
+  const frame = chartFrame(width, x, niceReach(reach * factor), xUnit, curve.axis);
   const line = (values, attributes) =>
     svg('path', {d: pathOf(x, values.map((v) => v * factor), frame), ...attributes});
   const area = svg('path', {class: 'band', d: bandOf(x, mean, band, factor, frame)});
-  const parts = [svg('text', {x: 0, y: 11, class: 'tick'}, `${letter}${unitText(curve.unit)}`), ...frame.parts, area, line(mean, {class: 'mean'})];
+  const noisy = isNoise(curve);
+  const parts = [svg('text', {x: 0, y: 11, class: 'tick'}, `${letter}${unitText(curve.unit)}`), ...frame.parts, area,
+    line(mean, {class: noisy ? 'mean calm' : 'mean'})];
+  if (noisy && !law.length) parts.push(svg('text', {x: width - 4, y: 11, 'text-anchor': 'end', class: 'tick'}, 'no more than noise'));
   if (law.length) parts.push(line(law, {class: 'law'}), svg('text', {x: width - 4, y: 11,
     'text-anchor': 'end', class: 'law-name'}, `┄ ${curve.name}`));
   const label = `${cap(curve.quantity)} by ${curve.axis}, up to ` +
@@ -74,7 +82,7 @@ const niceReach = (value) => {
   return size * [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10].find((m) => m * size >= value * 1.02);
 };
 
-function chartFrame(width, x, reach, xUnit) {
+function chartFrame(width, x, reach, xUnit, axis) {
   const [left, right, top, bottom] = [38, 6, 22, 20];
   const used = finite(x);
   const [x0, x1] = [Math.min(...used), Math.max(...used)];
@@ -85,7 +93,8 @@ function chartFrame(width, x, reach, xUnit) {
   };
   const tick = (px, py, text, anchor) =>
     svg('text', {x: px, y: py, 'text-anchor': anchor, class: 'tick'}, text);
-  const marks = xUnit === '°' ? [0, 90, 180, 270, 360].filter((v) => v >= x0 - 9 && v <= x1 + 9) : ticksOf(x0, x1);
+  const ways = axis === 'direction';
+  const marks = ways ? [-1, 0, 1] : xUnit === '°' ? [0, 90, 180, 270, 360].filter((v) => v >= x0 - 9 && v <= x1 + 9) : ticksOf(x0, x1);
   const clamp = (px) => Math.min(width - right, Math.max(left, px));
   const parts = [
     svg('line', {x1: left, x2: width - right, y1: atY(0), y2: atY(0), class: 'zero'}),
@@ -93,8 +102,8 @@ function chartFrame(width, x, reach, xUnit) {
     ...marks.map((v, k) => {
       const last = k === marks.length - 1;
       const px = clamp(atX(v));
-      const text = `${tickText(v)}${xUnit === '°' ? '°' : last ? ` ${xUnit}` : ''}`;
-      return tick(px, CURVE_HEIGHT - 5, text, px > width - 40 ? 'end' : 'middle');
+      const text = ways ? WAYS[k] : `${tickText(v)}${xUnit === '°' ? '°' : last ? ` ${xUnit}` : ''}`;
+      return tick(px, CURVE_HEIGHT - 5, text, px > width - 40 ? 'end' : ways && px < 60 ? 'start' : 'middle');
     }),
   ];
   return {atX, atY, parts};
@@ -117,6 +126,75 @@ function bandOf(x, mean, band, factor, frame) {
   const edge = (order, sign) => order.map((k) =>
     `${frame.atX(x[k]).toFixed(1)} ${frame.atY((mean[k] + sign * band[k]) * factor).toFixed(1)}`);
   return good.length ? `M${[...edge(good, 1), ...edge([...good].reverse(), -1)].join('L')}Z` : '';
+}
+
+/** RMS error of one output with its band; the dashed line is what every bin would have without structure. */
+function channelPicture(where, name, one, width) {
+  const middles = where.bins.slice(1).map((b, k) => (b + where.bins[k]) / 2);
+  const known = middles.map((_, k) => k).filter((k) => one.rms[k] !== null);
+  const [factor, letter] = prefix(one.overall, one.unit);
+  const reach = niceReach(Math.max(...known.map((k) => one.high[k] ?? one.rms[k]), one.overall, 1e-300) * factor);
+  const [left, right, top, bottom] = [38, 6, 22, 20];
+  const [x0, x1] = [where.bins[0], where.bins.at(-1)];
+  const atX = (v) => left + ((v - x0) / (x1 - x0 || 1)) * (width - left - right);
+  const atY = (v) => top + (1 - Math.min(1, v / reach)) * (CURVE_HEIGHT - top - bottom);
+  const frame = {atX, atY};
+  const pick = (values) => middles.map((_, k) => (values[k] === null ? NaN : values[k] * factor));
+  const [rms, low, high] = [one.rms, one.low, one.high].map(pick);
+  const half = rms.map((_, k) => (high[k] - low[k]) / 2);
+  const centre = rms.map((_, k) => (high[k] + low[k]) / 2);
+  const tick = (px, py, text, anchor) => svg('text', {x: px, y: py, 'text-anchor': anchor, class: 'tick'}, text);
+  const marks = where.axis === 'direction' ? [-1, 0, 1] : ticksOf(x0, x1);
+  const even = isNoise(one);
+  return svg('svg', {width, height: CURVE_HEIGHT, role: 'img',
+    'aria-label': `RMS ${name.replace(/_/g, ' ')} error by ${where.axis}, ${digits(one.overall * factor)} ${letter}${unitText(one.unit)} in all${even ? ', the same everywhere within noise' : ''}.`},
+  tick(0, 11, `${letter}${unitText(one.unit)}`, 'start'),
+  svg('path', {class: 'band', d: bandOf(middles, centre, half, 1, frame)}),
+  svg('line', {x1: left, x2: width - right, y1: atY(one.overall * factor), y2: atY(one.overall * factor), class: 'overall'}),
+  svg('path', {class: even ? 'mean calm' : 'mean', d: pathOf(middles, rms, frame)}),
+  even ? tick(width - 4, 11, 'even within noise', 'end') : null,
+  tick(left - 5, atY(reach) + 4, tickText(reach), 'end'), tick(left - 5, atY(0) + 4, '0', 'end'),
+  ...marks.map((v, k) => tick(Math.min(width - 8, atX(v)), CURVE_HEIGHT - 5, where.axis === 'direction'
+    ? WAYS[k] : `${tickText(v)}${k === marks.length - 1 ? ` ${unitText(where.unit)}` : ''}`,
+  k === marks.length - 1 ? 'end' : k === 0 && where.axis === 'direction' ? 'start' : 'middle')));
+}
+
+/** A map of signed or positive values, on the scale of the first model's; pale where it may be noise. */
+function layerPicture(layer, first, width) {
+  const [value, band] = [layer.value, layer.band].map(f32);
+  const base = first.find((m) => m.quantity === layer.quantity) || layer;
+  const reach = quantile(Array.from(f32(base.value), Math.abs), 0.98) || quantile(Array.from(value, Math.abs), 0.98) || 1;
+  const [nx, ny] = [layer.x_edges.length - 1, layer.y_edges.length - 1];
+  const [left, right, bottom] = [40, 6, 34];
+  const [w, h] = [(width - left - right) / nx, (MAP_HEIGHT - 6) / ny];
+  const [factor, letter] = prefix(reach, layer.unit);
+  const text = (v) => `${digits(v * factor)} ${letter}${unitText(layer.unit)}`;
+  const error = layer.quantity.endsWith(' error');
+  const sure = (k) => error || Math.abs(value[k]) > band[k];
+  const cells = svg('g', {});
+  value.forEach((v, k) => {
+    if (Number.isNaN(v)) return;
+    const [row, column] = [Math.floor(k / nx), k % nx];
+    const share = Math.min(1, Math.abs(v) / reach);
+    const cell = svg('rect', {x: left + column * w, y: 6 + (ny - 1 - row) * h, width: w + 0.4, height: h + 0.4,
+      class: `layer ${sure(k) ? (v < 0 ? 'below' : 'above') : 'unsure'}`, 'fill-opacity': sure(k) ? (0.15 + 0.85 * share).toFixed(2) : 1});
+    cell.addEventListener('mousemove', (event) => tip.show(`${layer.x} ${digits(layer.x_edges[column])} … ${digits(layer.x_edges[column + 1])} ${unitText(layer.x_unit)}, `
+      + `${layer.y} ${digits(layer.y_edges[row])} … ${digits(layer.y_edges[row + 1])} ${unitText(layer.y_unit)}: ${text(v)} ± ${text(band[k])}`, event));
+    cell.addEventListener('mouseleave', () => tip.hide());
+    cells.append(cell);
+  });
+  const label = (x, y, words, anchor) => svg('text', {x, y, 'text-anchor': anchor, class: 'tick'}, words);
+  const [x0, x1, y0, y1] = [layer.x_edges[0], layer.x_edges[nx], layer.y_edges[0], layer.y_edges[ny]];
+  const picture = svg('svg', {width, height: MAP_HEIGHT + bottom, role: 'img',
+    'aria-label': `Map of the ${layer.quantity} by ${layer.x} and ${layer.y}, up to ${text(reach)}.`},
+  svg('rect', {x: left, y: 6, width: nx * w, height: ny * h, class: 'frame'}), cells,
+  ...ticksOf(x0, x1).map((v) => label(left + ((v - x0) / (x1 - x0)) * nx * w, MAP_HEIGHT + 13, tickText(v), 'middle')),
+  ...ticksOf(y0, y1).map((v) => label(left - 5, 10 + (1 - (v - y0) / (y1 - y0)) * ny * h, tickText(v), 'end')),
+  label(left + (nx * w) / 2, MAP_HEIGHT + 28, `${layer.x}${bracketed(layer.x_unit)}`, 'middle'),
+  label(2, 12, unitText(layer.y_unit), 'start'));
+  const key = error ? [text(0), el('span', {class: 'ramp plain', 'aria-hidden': 'true'}), text(reach)]
+    : [text(-reach), el('span', {class: 'ramp both', 'aria-hidden': 'true'}), text(reach), '· grey: noise'];
+  return [picture, el('p', {class: 'scale'}, ...key)];
 }
 
 function wherePicture(where, width) {

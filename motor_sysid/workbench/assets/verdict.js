@@ -8,7 +8,7 @@ function drawHeadline(view) {
     ? [' Error ', el('b', {class: 'figure bad'}, brief(first.validation_error_percent)), ' → ',
       el('b', {class: settled(view, last) ? 'figure ok' : 'figure'}, brief(last.validation_error_percent)),
       `, noise floor ${brief(view.noise_floor_percent)}.`]
-    : [];
+    : likeness(verdict);
   $('#headline').replaceChildren(
     el('span', {class: `badge ${verdict.key}`}, verdict.key.replace(/_/g, ' ')), ' ', el('b', {}, `${verdict.title}.`), ...fall);
   drawWhy(verdict, fall.length > 0);
@@ -18,6 +18,16 @@ function drawHeadline(view) {
     $('#experiment').replaceChildren(el('b', {}, 'Record next: '),
       `${Object.values(experiment).join(', ')}.`);
   }
+}
+
+/** What something unknown looks like, in a few words. */
+function likeness({key, unknown}) {
+  const found = key === 'unknown_effect' && unknown.find((u) => u.axis);
+  if (!found) return [];
+  if (found.axis.includes(' over ')) return [` It looks like ${found.axis.replace(' over ', ' changing over ')}.`];
+  if (found.axis === 'constant') return [` The ${found.quantity} is a constant.`];
+  const shape = found.shape && found.shape !== found.axis ? `: ${found.shape}` : '';
+  return [` The ${found.quantity} looks like a function of ${found.axis}${shape}.`];
 }
 
 const brief = (value) => (value === null ? '–' : `${digits(value, 2)} %`);

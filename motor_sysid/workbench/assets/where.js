@@ -1,22 +1,44 @@
 'use strict';
 /* Where the model fails: a map of two signals, shares by regime, and curves along one axis. */
 
-const MAP_HEIGHT = 138;
-
 function makeWhere(view, mark) {
   const map = view.map && {...view.map, ids: u16(view.map.ids), counts: u32(view.map.counts)};
   const layers = view.steps.map((s) => f32(s.map));
   const heat = heatScale(map, layers, view.channels.find((c) => c.key === view.primary)?.unit || '');
   let step = 0;
   const chosen = [null, null];
+  let layer = null;
 
   /* --- map ------------------------------------------------------------------------------- */
 
   function drawMap() {
-    $('#map-figure').hidden = !map;
-    if (!map) return;
-    const output = view.primary.replace(/_/g, ' ');
-    $('#map-title').textContent = `${output} error by ${map.x} and ${map.y.replace(/_/g, ' ')}`;
+    const others = view.steps[step].maps.filter((m) => !map || m.quantity !== `${view.primary} error`);
+    $('#map-figure').hidden = !map && !others.length;
+    if (!map && !others.length) return;
+    const shown = others.find((m) => m.quantity === layer) || (map ? null : others[0]);
+    mapTitle(others, shown);
+    if (shown) $('#map').replaceChildren(...layerPicture(shown, view.steps[0].maps, Math.max(180, $('#map').clientWidth)));
+    else drawErrorMap();
+  }
+
+  /** What the map shows: chosen where there is more than one. */
+  function mapTitle(others, shown) {
+    const title = (quantity, x, y) => `${quantity.replace(/_/g, ' ')} by ${x} and ${y.replace(/_/g, ' ')}`;
+    const own = map ? [['', title(`${view.primary} error`, map.x, map.y)]] : [];
+    const choices = [...own, ...others.map((m) => [m.quantity, title(m.quantity, m.x, m.y)])];
+    if (choices.length < 2) {
+      $('#map-title').textContent = choices[0][1];
+      return;
+    }
+    const picker = el('select', {'aria-label': 'Map', onchange: (event) => {
+      layer = event.target.value || null;
+      drawMap();
+      $('#map-title select').focus();
+    }}, choices.map(([key, text]) => el('option', {value: key, selected: key === (shown ? shown.quantity : '')}, text)));
+    $('#map-title').replaceChildren(picker);
+  }
+
+  function drawErrorMap() {
     const box = $('#map');
     const width = Math.max(180, box.clientWidth);
     const [left, bottom, right] = [40, 34, 6];
@@ -123,12 +145,16 @@ function makeWhere(view, mark) {
 
   function curveChoices() {
     const {curves, where} = view.steps[step];
+    const told = [...curves].sort((a, b) => isNoise(a) - isNoise(b) || (a.axis === 'direction') - (b.axis === 'direction'));
     return [
-      ...curves.map((c) => {
+      ...told.map((c) => {
         const reach = commonReach(c);
-        return {key: keyOf(c), title: `${c.quantity} by ${c.axis}`,
+        return {key: keyOf(c), title: `${c.quantity} by ${c.axis}${isNoise(c) ? ' (noise)' : ''}`,
           draw: (w) => curvePicture(withLaw(c), w, reach)};
       }),
+      ...where.flatMap((r) => Object.entries(r.channels).map(([name, one]) => ({
+        key: `${name}:${r.axis}`, title: `RMS ${name.replace(/_/g, ' ')} error by ${r.axis}${isNoise(one) ? ' (even)' : ''}`,
+        draw: (w) => channelPicture(r, name, one, w)}))),
       ...where.map((r) => ({key: `error:${r.axis}`, title: `error by ${r.axis}`,
         draw: (w) => wherePicture(r, w)})),
     ];
@@ -197,15 +223,24 @@ function makeWhere(view, mark) {
       [`${r.axis}${bracketed(r.unit)}`, 'error', 'of error', 'of time'],
       r.error_percent.map((v, k) => [`${digits(r.bins[k])} … ${digits(r.bins[k + 1])}`, percent(v),
         share(r.error_share[k]), share(r.time_share[k])]))));
+    view.steps[step].where.forEach((r) => Object.entries(r.channels).forEach(([name, one]) =>
+      parts.push(channelTable(r, name, one))));
     view.steps[step].curves.forEach((c) => parts.push(curveTable(c)));
     $('#numbers > div').replaceChildren(...parts);
+  }
+
+  function channelTable(r, name, one) {
+    return table(`RMS ${name.replace(/_/g, ' ')} error by ${r.axis}, ${digits(one.overall)} ${unitText(one.unit)} in all`,
+      [`${r.axis}${bracketed(r.unit)}`, `RMS${bracketed(one.unit)}`, '95 % band'],
+      one.rms.map((v, k) => [`${digits(r.bins[k])} … ${digits(r.bins[k + 1])}`, digits(v),
+        v === null ? '–' : `${digits(one.low[k])} … ${digits(one.high[k])}`]));
   }
 
   function curveTable(curve) {
     const [x, mean, band] = [curve.x, curve.mean, curve.band].map(f32);
     const rows = Array.from(x.keys()).filter((k) => Number.isFinite(mean[k]));
     const every = Math.max(1, Math.ceil(rows.length / 16));
-    return table(cap(`${curve.quantity} by ${curve.axis}`),
+    return table(cap(`${curve.quantity} by ${curve.axis}${isNoise(curve) ? ', no more than noise' : ''}`),
       [`${curve.axis}${bracketed(curve.axis_unit)}`, `mean${bracketed(curve.unit)}`, '± 95 %'],
       rows.filter((_, n) => n % every === 0).map((k) => [digits(x[k]), digits(mean[k]), digits(band[k])]));
   }
