@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare, Comparison
+from motor_sysid.diagnosis.moments import with_best_moments
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.threshold import UNCALIBRATED
@@ -124,7 +125,13 @@ def climb(
     """
     reweight, iterations = (1, 12) if briefly else (3, 30)
     problem = bench.problem(model)
-    return judge(fit(problem, start, reweight=reweight, iterations=iterations), bench)
+    result = fit(problem, start, reweight=reweight, iterations=iterations)
+    moved = with_best_moments(bench.problem(result.model), result.weighting)
+    if moved is not result.model:
+        result = fit(
+            bench.problem(moved), result.weighting, reweight=reweight, iterations=iterations
+        )
+    return judge(result, bench)
 
 
 def polish(rung: Rung, bench: Bench) -> Rung:

@@ -1,0 +1,62 @@
+"""The moment of an effect that sets in: looked for over the whole record, not only downhill.
+
+While nothing moves, it makes no difference when an inertia changed; so the error as a function of
+the moment has steps and plateaus, on which a fit stays where it is.  A scan, every other parameter
+as fitted, tells whether it is better elsewhere.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.estimation.batch import Problem, Weighting
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+_GRID = 63
+_WORTH = 2.0
+"""Decrease of the weighted sum of squares below which a moment stays where it is."""
+
+
+def with_best_moments(problem: Problem, weighting: Weighting) -> Model:
+    """Return the problem's model, fitted, with each moment where the error is least.
+
+    Parameters
+    ----------
+    problem:
+        The fitted model and the data.
+    weighting:
+        Noise model of the fit.
+    """
+    model = problem.model
+    moments = [(key, effect(key).card.moment) for key in model.effects]
+    names = [f'{key}.{moment}' for key, moment in moments if moment]
+    free = [p.name for p in problem.free]
+    for name in names:
+        if name in free:
+            model = _moved(problem, model, free.index(name), weighting)
+    return model
+
+
+def _moved(problem: Problem, model: Model, at: int, weighting: Weighting) -> Model:
+    """Return the model with the parameter number `at` at its best, others as they are."""
+    z = problem.vector()
+    lower, upper = (bound[at] for bound in problem.box())
+    near = problem.linearize(z, parameters=False)
+    best, least = z[at], float(problem.costs(z[np.newaxis, :], weighting, near)[0]) - _WORTH
+    width = upper - lower
+    for _ in range(3):
+        grid = np.linspace(max(lower, best - width), min(upper, best + width), _GRID)
+        cloud = np.repeat(z[np.newaxis, :], _GRID, axis=0)
+        cloud[:, at] = grid
+        costs = problem.costs(cloud, weighting, near)
+        k = int(np.argmin(costs))
+        if costs[k] < least:
+            best, least = grid[k], float(costs[k])
+        width = 2.0 * (grid[1] - grid[0])
+    if best == z[at]:
+        return model
+    z[at] = best
+    name = problem.free[at].name
+    return model.with_values({name: float(problem.values(z[np.newaxis, :])[name][0])})
