@@ -15,7 +15,7 @@ _STEP = 1e-4
 
 
 class Reading:
-    """The laws of one sensor.
+    """The laws of one sensor that have no state of their own; filters in sensors are not undone.
 
     Parameters
     ----------
@@ -34,7 +34,7 @@ class Reading:
         self._laws = [
             LawColumns(model, effect(key), law)
             for key in model.effects
-            if law in effect(key).laws
+            if law in effect(key).laws and not effect(key).card.states
         ]
         self._state, self._index = state, index
         names = [name for one in self._laws for name in one.names]
