@@ -190,9 +190,11 @@ class ExcitationNode(LoopNode):
             self._grid.advance()
 
     def _start_by_itself(self) -> None:
+        """Start, or go on waiting and say why."""
         reason = self._begin()
-        if reason:
-            self._change(State.STOPPED, reason)
+        if reason and reason != self.reason:
+            self.get_logger().warning(reason)
+        self.reason = reason
 
     def _begin(self) -> str:
         """Start from the beginning; return why not, or nothing."""
@@ -219,8 +221,11 @@ class ExcitationNode(LoopNode):
 
     def _change(self, state: State, reason: str) -> None:
         self.state, self.reason = state, reason
-        say = self.get_logger().warning if state is State.STOPPED else self.get_logger().info
-        say(f'{state.value}{": " if reason else ""}{reason}')
+        text = f'{state.value}{": " if reason else ""}{reason}'
+        if state is State.STOPPED:
+            self.get_logger().warning(text)
+        else:
+            self.get_logger().info(text)
         self._report()
 
     def _report(self) -> None:

@@ -7,7 +7,13 @@ import numpy as np
 
 from motor_sysid.diagnosis.experiment.information import known
 from motor_sysid.diagnosis.experiment.library import Choice, choices, Tried, tried, variations
-from motor_sysid.diagnosis.experiment.separate import against, Contrast, contrasts, weakest
+from motor_sysid.diagnosis.experiment.separate import (
+    against,
+    contains,
+    Contrast,
+    contrasts,
+    weakest,
+)
 from motor_sysid.diagnosis.experiment.stage import Stage
 from motor_sysid.diagnosis.refit import MIN_DELTA_BIC
 from motor_sysid.physics.model import Model
@@ -161,7 +167,7 @@ def unfavourable(stage: Stage, found: Found) -> dict[Pair, float]:
         for other in displaced(stage, model):
             run = stage.run(found.tried.profile, place, other)
             for rival in range(len(stage.models)):
-                if rival == place:
+                if rival == place or contains(stage.models[rival], model):
                     continue
                 count = len(model.parameters.free)
                 seen = against(

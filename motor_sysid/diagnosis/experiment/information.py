@@ -92,10 +92,10 @@ def information(stage: Stage, model: Model, records: Sequence[Record]) -> Array:
 
 
 def prior(problem: Problem) -> Array:
-    """Return (d,) information of the prior: a factor of e, or a tenth of the box."""
+    """Return (d,) information of the prior: a factor of e; the value, or a share of the box."""
     widths = []
     for p, size in zip(problem.free, problem.size.tolist(), strict=True):
         half = 0.5 * (p.upper - p.lower)
         reach = BOX_SHARE * half if half < WIDE else 0.0
-        widths.append(1.0 if p.logarithmic else max(abs(p.value), reach, 1e-12) / size)
+        widths.append(1.0 if p.logarithmic else max(reach / size, 1.0))
     return np.asarray(np.array(widths) ** -2.0)

@@ -57,11 +57,13 @@ class Tried:
 
 
 def choices(stage: Stage, *, quick: bool = False) -> Iterator[Choice]:
-    """Give the experiments to try first; `quick` gives a handful."""
+    """Give the experiments to try first; `quick` gives a handful.
+
+    Where the motor must not turn back few are left, and all of these are tried.
+    """
     time = stage.limits.time
-    for families, signal in (
-        (speed_families(quick), SPEED), (() if quick else input_families(), stage.input)
-    ):  # fmt: skip
+    speeds = speed_families(quick and stage.limits.reverse)
+    for families, signal in ((speeds, SPEED), (() if quick else input_families(), stage.input)):
         for family in families:
             if stage.limits.reverse or not family.reverses:
                 for share in (1.0,) if quick else (1.0, 0.4):

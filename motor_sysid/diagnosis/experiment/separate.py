@@ -18,6 +18,7 @@ from scipy.optimize import lsq_linear
 from motor_sysid.diagnosis.experiment.stage import Run, Stage
 from motor_sysid.estimation.batch import Problem
 from motor_sysid.estimation.batch.least_squares import minimize
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -130,11 +131,27 @@ def reachable(problem: Problem, z: Array) -> tuple[Array, Array]:
 
 
 def contrasts(stage: Stage, runs: Sequence[Run], *, real: bool = False) -> list[Contrast]:
-    """Compare every model's run with every other model."""
+    """Compare every model's run with every other model that does not contain it.
+
+    A model refits every run of its own special case without a rest; what is asked is whether the
+    special case would be found wanting.
+    """
     places = range(len(stage.models))
     return [
-        contrast(stage, runs[a], a, b, real=real) for a in places for b in places if a != b
+        contrast(stage, runs[a], a, b, real=real)
+        for a in places
+        for b in places
+        if a != b and not contains(stage.models[b], stage.models[a])
     ]
+
+
+def contains(larger: Model, smaller: Model) -> bool:
+    """Whether every effect of the one is an effect of the other, or a special case of one."""
+    covered = set(larger.effects)
+    for key in larger.effects:
+        covered |= set(effect(key).card.generalises)
+    more = len(larger.parameters.free) > len(smaller.parameters.free)
+    return more and set(smaller.effects) <= covered
 
 
 def weakest(found: Sequence[Contrast]) -> dict[tuple[int, int], float]:
