@@ -12,6 +12,7 @@ time: on a busy machine the first is the one to compare.  The ratio is wall time
 import argparse
 from collections.abc import Iterator
 from contextlib import contextmanager
+from itertools import pairwise
 import json
 import os
 from pathlib import Path
@@ -82,7 +83,7 @@ def measure(case: str, seconds: float, rate: float, seed: int) -> dict[str, obje
     cold = timed(record)
     cold['wall_s'] += loading[0]
     cold['cpu_s'] += loading[1]
-    cold['stages'] = {'imports': loading[0], **cold['stages']}
+    cold['stages'].insert(0, ('imports', *loading, 0.0))
     return {'cold': cold, 'warm': timed(record), 'load': os.getloadavg()[0], 'samples': len(record)}
 
 
@@ -119,20 +120,20 @@ def timed(record) -> dict[str, object]:  # type: ignore[no-untyped-def]
     """Diagnose once; return seconds, stages, simulated steps, and what was found."""
     from motor_sysid.diagnosis import diagnose
 
-    marks: list[tuple[str, float]] = [('preparing', time.perf_counter())]
     with counted() as steps:
-        wall, cpu = time.perf_counter(), time.process_time()
-        found = diagnose(
-            [record], progress=lambda text: marks.append((text, time.perf_counter()))
-        )
-        wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
-    ends = [mark[1] for mark in marks[1:]] + [time.perf_counter()]
-    stages: dict[str, float] = {}
-    for (text, start), end in zip(marks, ends, strict=True):
-        name = 'adding and pruning' if text.startswith('adding') else text
-        stages[name] = stages.get(name, 0.0) + end - start
+        def now() -> tuple[float, float, int]:
+            return time.perf_counter(), time.process_time(), steps[0]
+
+        marks: list[tuple[str, tuple[float, float, int]]] = [('preparing', now())]
+        found = diagnose([record], progress=lambda text: marks.append((text, now())))
+        marks.append(('', now()))
+    stages: list[tuple[str, float, float, float]] = [
+        (text, b[0] - a[0], b[1] - a[1], (b[2] - a[2]) / 1e6)
+        for (text, a), (_, b) in pairwise(marks)
+    ]
     return {
-        'wall_s': wall, 'cpu_s': cpu, 'stages': stages, 'particle_steps': steps[0],
+        'wall_s': sum(s[1] for s in stages), 'cpu_s': sum(s[2] for s in stages),
+        'million_steps': sum(s[3] for s in stages), 'stages': stages,
         'verdict': found.verdict.value, 'effects': list(found.effects),
         'error_percent': found.steps[-1].validation_error_percent,
         'floor_percent': found.noise_floor_percent,
@@ -167,10 +168,10 @@ def show(name: str, result: dict[str, object]) -> None:
         lines = [
             f'  {which}: {run["wall_s"]:.2f} s wall, {run["cpu_s"]:.2f} s CPU, '
             f'{run["wall_s"] / limit:.2f} of the limit of {limit:g} s; '
-            f'{run["particle_steps"] / 1e6:.1f} million steps; '
-            f'{run["verdict"]} {run["effects"]}'
+            f'{run["million_steps"]:.1f} million steps; {run["verdict"]} {run["effects"]}',
+            '     wall     CPU  million steps',
         ]
-        lines += [f'    {seconds:7.2f} s  {stage}' for stage, seconds in run['stages'].items()]
+        lines += [f'  {w:7.2f} {c:7.2f} {m:7.1f}  {stage}' for stage, w, c, m in run['stages']]
         print('\n'.join(lines))  # noqa: T201
 
 

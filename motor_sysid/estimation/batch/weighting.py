@@ -10,7 +10,7 @@ from scipy.linalg import solve_toeplitz
 
 Array = NDArray[np.float64]
 
-_PIECE = 500
+_PIECE = 8192
 
 
 @dataclass(frozen=True)
@@ -58,7 +58,7 @@ class Weighting:
         """Return the (k, k) products of all columns, weighed, summed over stretches.
 
         What the (N, n_y, m) directions of each stretch explain is taken out of its (N, n_y, k)
-        values.  The work is done in pieces that stay in the processor's cache.
+        values.  The work is done in pieces: the whole of them together would be large.
         """
         total, taps = np.zeros((values[0].shape[2],) * 2), self.taps
         for one, direction in zip(values, directions, strict=True):
