@@ -162,7 +162,7 @@ def check_refusals(watch: Watch) -> None:
     for effects, remedy in (
         (('coulomb_friction', 'witchcraft'), 'unknown effect `witchcraft`'),
         (('coulomb_friction', 'load_torque_step'), '~/reset'),
-        (('coulomb_friction', 'input_delay'), 'ekf|~/diagnose'),
+        (('coulomb_friction', 'inductance_saturation'), 'estimator `ekf`'),
     ):
         done, why = watch.set_effects(*effects)
         assert not done
