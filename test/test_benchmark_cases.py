@@ -1,11 +1,14 @@
 """What the benchmark draws: sound motors, the same every time, in the mixture that it names."""
 
 from collections import Counter
+from dataclasses import replace
 from functools import cache
+from unittest.mock import patch
 
 import numpy as np
 import pytest
 
+from motor_sysid.benchmark import cases
 from motor_sysid.benchmark.answers import start_values, true_base_values, true_effect_values
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.datasheets import DATA_SHEETS, geared
@@ -25,7 +28,14 @@ from motor_sysid.physics.effects import catalogue
 
 COUNT = 2000
 
-draw_once = cache(draw)
+LONG = cases._setting
+
+
+@cache
+def short(scenario):
+    """Draw a case with records of two seconds."""
+    with patch.object(cases, '_setting', lambda rng: replace(LONG(rng), duration=2.0)):
+        return draw(scenario, 1, 2)
 
 
 @pytest.mark.parametrize('sheet', DATA_SHEETS, ids=lambda s: s.name)
@@ -102,16 +112,16 @@ def test_a_case_is_drawn_the_same_twice_and_is_sound():
 
 @pytest.mark.parametrize('key', [*HIDE, *HIDE_SENSOR])
 def test_every_effect_can_be_hidden_and_is_seen(key):
-    case = draw_once(Scenario((key,), 0.1), 1, 2)
+    case = short(Scenario((key,), 0.1))
     assert all(np.all(np.isfinite(record[name])) for record in case.train for name in record)
-    plain = draw_once(Scenario(()), 1, 2).setting
+    plain = short(Scenario(())).setting
     same = (plain.sheet, plain.plant, plain.sensors)
     assert (plain.sheet, case.setting.plant, case.setting.sensors) != same
 
 
 @pytest.mark.parametrize('key', sorted({*HIDE, *HIDE_SENSOR} & set(catalogue())))
 def test_true_values_belong_to_parameters_of_the_effect(key):
-    case = draw_once(Scenario((key,), 0.1), 1, 2)
+    case = short(Scenario((key,), 0.1))
     own = {p.name for p in catalogue()[key].card.parameters}
     start = start_values(case, key)
     assert start is None or set(start) <= own
@@ -121,7 +131,7 @@ def test_true_values_belong_to_parameters_of_the_effect(key):
 
 
 def test_the_scale_of_the_current_sensor_hides_in_the_base_parameters():
-    case = draw_once(Scenario(('current_sensor_scale',), 0.1), 1, 2)
+    case = short(Scenario(('current_sensor_scale',), 0.1))
     plant, scale = case.setting.plant, case.setting.sensors.current_scale
     assert abs(scale - 1) == pytest.approx(0.1)
     assert true_base_values(case)['R'] == pytest.approx(plant.R / scale)
