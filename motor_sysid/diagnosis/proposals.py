@@ -12,7 +12,13 @@ import inspect
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.residual import likely_orders, measured_states, rates_of, unexplained
+from motor_sysid.diagnosis.residual import (
+    likely_orders,
+    measured_states,
+    rates_of,
+    surroundings,
+    unexplained,
+)
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
@@ -174,10 +180,7 @@ def _frequencies(lacks: Sequence[_Lack]) -> tuple[float, ...]:
         at = np.arange(count) * spacing * length * lack.dt
         power += np.interp(at, np.arange(spectrum.size), spectrum)
     first = int(np.ceil(_CYCLES / end / spacing))
-    background = np.array(
-        [np.median(power[max(k - _NEIGHBOURS, 1) : k + _NEIGHBOURS + 1]) for k in range(count)]
-    )
-    height = power / (background + 1e-300)
+    height = power / (surroundings(power, _NEIGHBOURS) + 1e-300)
     peak = np.zeros(count, dtype=bool)
     peak[1:-1] = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])
     peak[:first] = False

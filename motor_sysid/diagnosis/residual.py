@@ -26,6 +26,7 @@ WINDOW = 11
 _DEGREE = 3
 _TOP_ORDER = 400
 _ANGLE_BINS = 8192
+_BESIDE = 12
 
 
 def measured_states(model: Model, record: Record) -> dict[str, Array]:
@@ -200,13 +201,23 @@ def likely_orders(
             place.astype(np.int64) % _ANGLE_BINS, weights=centred, minlength=_ANGLE_BINS
         )
         spectrum += np.abs(np.fft.rfft(turn)[: _TOP_ORDER + 1]) ** 2
-    background = np.array(
-        [np.median(spectrum[max(n - 12, 1) : n + 13]) + 1e-300 for n in range(_TOP_ORDER + 1)]
-    )
-    height = spectrum / background
+    height = spectrum / (surroundings(spectrum, _BESIDE) + 1e-300)
     height[: 1 if carrier else 2] = 0.0
     peaks = [n for n in np.argsort(-height)[: 3 * count].tolist() if height[n] > 8.0]
     return peaks[:count]
+
+
+def surroundings(spectrum: Array, reach: int) -> Array:
+    """Return (N,) the median of each line and of `reach` lines on either side, without line 0."""
+    found = np.empty(spectrum.size)
+    width = 2 * reach + 1
+    inner = range(min(reach + 1, spectrum.size), spectrum.size - reach)
+    for k in (*range(inner.start), *range(max(inner.start, inner.stop), spectrum.size)):
+        found[k] = np.median(spectrum[max(k - reach, 1) : k + reach + 1])
+    if len(inner):
+        windows = np.lib.stride_tricks.sliding_window_view(spectrum[1:], width)
+        found[inner.start : inner.stop] = np.median(windows, axis=1)
+    return found
 
 
 def _slow_enough(record: Record) -> NDArray[np.bool_]:
