@@ -31,11 +31,13 @@ COUNT = 2000
 LONG = cases._setting
 
 
-@cache
-def short(scenario):
+def drawn(scenario, seed=1, number=2):
     """Draw a case with records of two seconds."""
     with patch.object(cases, '_setting', lambda rng: replace(LONG(rng), duration=2.0)):
-        return draw(scenario, 1, 2)
+        return draw(scenario, seed, number)
+
+
+short = cache(drawn)
 
 
 @pytest.mark.parametrize('sheet', DATA_SHEETS, ids=lambda s: s.name)
@@ -98,16 +100,21 @@ def test_what_is_withheld_is_not_offered_in_a_more_general_form():
 
 def test_a_case_is_drawn_the_same_twice_and_is_sound():
     scenario = Scenario(('stribeck_friction', 'cogging_torque'), 0.03)
-    one, other = (draw(scenario, 3, 5) for _ in range(2))
+    one, other = (drawn(scenario, 3, 5) for _ in range(2))
     assert [r.digest() for r in one.train] == [r.digest() for r in other.train]
-    assert one.train[0].digest() != draw(scenario, 4, 5).train[0].digest()
-    assert one.train[0].digest() != draw(scenario, 3, 6).train[0].digest()
+    assert one.train[0].digest() != drawn(scenario, 4, 5).train[0].digest()
+    assert one.train[0].digest() != drawn(scenario, 3, 6).train[0].digest()
     assert len(one.train) == 2
     assert len(one.valid) == 1
     for record in (*one.train, *one.valid):
-        assert 9.9 <= record.duration <= 15.1
+        assert record.duration == pytest.approx(2.0, abs=2 * record.dt)
         assert np.all(record['voltage'][: int(0.4 / record.dt)] == record['voltage'][0])
         assert np.ptp(record['speed']) > 0
+
+
+def test_records_take_10_to_15_seconds():
+    durations = {LONG(np.random.default_rng(k)).duration for k in range(100)}
+    assert (min(durations), max(durations)) == (10.0, 15.0)
 
 
 @pytest.mark.parametrize('key', [*HIDE, *HIDE_SENSOR])
