@@ -26,7 +26,10 @@ from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.recording.rosbag import Bag
 
 NODES = ('motor', 'pid', 'identifier', 'recorder')
-SHOWN = ('lost', 'intake', 'batch', 'refits', 'missing', 'gaps', 'incomplete', 'over', 'backlog')
+SHOWN = (
+    'lost', 'intake', 'batch', 'refits', 'missing', 'gaps', 'early', 'incomplete', 'over',
+    'backlog',
+)  # fmt: skip
 TICKS = os.sysconf('SC_CLK_TCK')
 STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
 

@@ -98,6 +98,9 @@ def test_the_join_depends_on_the_messages_not_on_their_arrival(
 
 def test_what_has_no_partner_is_dropped_and_counted() -> None:
     join = StampJoin(2, limit=10)
+    join.push(0, -1, ())
+    join.push(1, -1, ())
+    assert [stamp for stamp, _ in join.pop()] == [-1]
     for stamp in range(15):
         join.push(0, stamp, ())
     assert (join.pop(), join.counts.overflow) == ([], 5)
@@ -106,9 +109,38 @@ def test_what_has_no_partner_is_dropped_and_counted() -> None:
     join.push(1, 8, ())
     assert [stamp for stamp, _ in join.pop()] == [8]
     assert (join.counts.incomplete, join.counts.out_of_order) == (1 + 3, 1)
+    assert join.counts.early == 0
     join.push(0, 10 * SECOND, ())
     join.push(0, 3, ())
     assert join.counts.restarts == 1
+
+
+def test_what_came_before_every_topic_was_heard_is_no_loss() -> None:
+    """The third topic is matched 4.7 s late, and then delivers all that it was sent.
+
+    Two topics at 1 kHz then hold no more than the last 4096 messages: 2 * 585 overflow, and the
+    third topic's first 585 messages have no partner any more.
+    """
+    join, rows = StampJoin(3), []
+    for stamp in range(4681):
+        join.push(0, stamp, ())
+        join.push(1, stamp, ())
+        rows += join.pop()
+    for stamp in range(5000):
+        if stamp >= 4681:
+            join.push(0, stamp, ())
+            join.push(1, stamp, ())
+        join.push(2, stamp, ())
+        rows += join.pop()
+    assert [stamp for stamp, _ in rows] == list(range(585, 5000))
+    assert join.counts.early == 3 * 585
+    assert join.counts.dropped == 0
+    join.push(0, 5001, ())
+    join.push(1, 5001, ())
+    for stamp in (5000, 5001):
+        join.push(2, stamp, ())
+    assert [stamp for stamp, _ in join.pop()] == [5001]
+    assert join.counts.dropped == join.counts.incomplete == 1
 
 
 def test_a_tolerance_joins_stamps_that_differ_a_little() -> None:

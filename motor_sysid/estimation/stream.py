@@ -5,10 +5,9 @@ arrived: a replay of the same samples gives the same events, bit for bit.
 """
 
 from collections import deque
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import hashlib
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -154,20 +153,25 @@ class EstimateStream:
         """
         events: list[Event] = []
         times: list[int] = stamps.tolist()
-        last = self._last if self._last >= 0 else times[0] - 1
-        cuts = [k for k, (a, b) in enumerate(pairwise([last, *times])) if b <= a]
-        for rows in _split(len(times), [*cuts, *self._turns(last, times)]):
-            if rows.start in cuts:
+        start = 0
+        for stop in self._turns(times):
+            rows = slice(start, stop)
+            if times[start] <= self._last:
                 self.reset()
-            self._turn(times[rows.start])
-            events += self._run(stamps[rows], inputs[rows], outputs[rows])
+            self._turn(times[start])
+            events += self._run(stamps[rows], times[rows], inputs[rows], outputs[rows])
+            start = stop
         return events
 
-    def _turns(self, last: int, times: Sequence[int]) -> list[int]:
-        """Return where changes that wait for their stamp may begin."""
+    def _turns(self, times: Sequence[int]) -> list[int]:
+        """Return the ends of stretches without a fall back or the begin of a change."""
+        last, ends = self._last, [len(times)]
         waiting = [at for at, _ in self._changes if at is not None]
-        steps = list(enumerate(pairwise([last, *times]))) if waiting else []
-        return [k for k, (a, b) in steps if any(a < at <= b for at in waiting)]
+        for k, time in enumerate(times):
+            if k and (time <= last or any(last < at <= time for at in waiting)):
+                ends.insert(-1, k)
+            last = time
+        return ends
 
     def _turn(self, stamp: int) -> None:
         """Make the changes that are due with the sample of this stamp."""
@@ -180,15 +184,17 @@ class EstimateStream:
             if self._online is not None:
                 self._online = Handover(self._online, make(self.sample_time))
 
-    def _run(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
+    def _run(
+        self, stamps: Stamps, times: Sequence[int], inputs: Array, outputs: Array
+    ) -> list[Event]:
         if self._first < 0:
-            self._first = int(stamps[0])
-        if self._online is None:
-            self._early.append((stamps, inputs, outputs))
-            self._last = int(stamps[-1])
-            ready = self._learn()
-            return self._process(*ready) if ready else []
-        return self._process(stamps, inputs, outputs)
+            self._first = times[0]
+        if self._online is not None:
+            return self._process(stamps, times, inputs, outputs)
+        self._early.append((stamps, inputs, outputs))
+        self._last = times[-1]
+        ready = self._learn()
+        return self._process(ready[0], ready[0].tolist(), *ready[1:]) if ready else []
 
     def _learn(self) -> tuple[Stamps, Array, Array] | None:
         """Make the estimator once the sample time is known; returns what waited for it."""
@@ -202,19 +208,28 @@ class EstimateStream:
         self._early, self._last = [], -1
         return stamps, *(np.concatenate([part[k] for part in waited]) for k in (1, 2))  # type: ignore[return-value]
 
-    def _process(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
-        times: list[int] = stamps.tolist()
-        before = self._last if self._last >= 0 else times[0]
-        self._note_gaps(before, times)
-        since = [t - self._first for t in (before, *times)]
-        estimates = _crossings(since, self._rates.estimate)
-        due = estimates | _crossings(since, self._rates.prediction)
+    def _process(
+        self, stamps: Stamps, times: Sequence[int], inputs: Array, outputs: Array
+    ) -> list[Event]:
+        """Take samples whose stamps rise; an event is due where a period begins."""
         events: list[Event] = []
-        for rows in _split(len(times), [k + 1 for k in due]):
-            self._update(stamps[rows], inputs[rows], outputs[rows])
-            if rows.stop - 1 in due:
-                events.append(self._event(rows.stop - 1 in estimates))
+        last, start = self._last if self._last >= 0 else times[0], 0
+        for k, time in enumerate(times):
+            self._note_gap(time - last)
+            estimate = self._begins(self._rates.estimate, last, time)
+            if estimate or self._begins(self._rates.prediction, last, time):
+                rows = slice(start, k + 1)
+                self._update(stamps[rows], inputs[rows], outputs[rows])
+                events.append(self._event(estimate))
+                start = k + 1
+            last = time
+        if start < len(times):
+            self._update(stamps[start:], inputs[start:], outputs[start:])
         return events
+
+    def _begins(self, period: int, last: int, time: int) -> bool:
+        """Tell whether a new period begins between two stamps."""
+        return (time - self._first) // period > (last - self._first) // period
 
     def _update(self, stamps: Stamps, inputs: Array, outputs: Array) -> None:
         assert self._online is not None
@@ -236,24 +251,13 @@ class EstimateStream:
             self._online.estimate() if with_estimate else None,
         )
 
-    def _note_gaps(self, before: int, times: list[int]) -> None:
-        for a, b in pairwise((before, *times)):
-            if b - a > 1.5 * self._step:
-                self.gaps += 1
-                self.missing += round((b - a) / self._step) - 1
+    def _note_gap(self, step: int) -> None:
+        if step > 1.5 * self._step:
+            self.gaps += 1
+            self.missing += round(step / self._step) - 1
 
     def _digest(self) -> str:
         """Return a digest of all samples so far, which is the same however they were bunched."""
         parts = b''.join(digest.digest() for digest in self._digests)
         return hashlib.blake2b(parts, digest_size=8).hexdigest()
 
-
-def _crossings(since: Sequence[int], period: int) -> set[int]:
-    """Return which of the times (but the first) begin a new period."""
-    counts = [t // period for t in since]
-    return {k for k, (a, b) in enumerate(pairwise(counts)) if b > a}
-
-
-def _split(size: int, cuts: Collection[int]) -> list[slice]:
-    """Return the slices between the cuts; none is empty."""
-    return [slice(a, b) for a, b in pairwise(sorted({0, size, *cuts}))]

@@ -83,6 +83,7 @@ class Health:
             'samples': stream.samples,
             'sample_time_s': stream.sample_time,
             **lost,
+            'early': counts.early,
             'incomplete': counts.incomplete,
             'out_of_order': counts.out_of_order,
             'overflow': counts.overflow,

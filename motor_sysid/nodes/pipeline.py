@@ -10,6 +10,7 @@ from itertools import pairwise
 import math
 import time
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -42,31 +43,23 @@ class Window:
     def __init__(self, capacity: int, width: int) -> None:
         self._stamps = np.zeros(capacity, dtype=np.int64)
         self._values = np.zeros((capacity, width))
-        self._end = 0
-        self._count = 0
+        self._taken = 0
 
     def __len__(self) -> int:
         """Return the number of samples held."""
-        return self._count
+        return min(self._taken, self._stamps.size)
 
-    def append(self, stamps: Stamps, values: Array) -> None:
-        """Add (K,) stamps and (K, width) values."""
-        if not stamps.size:
-            return
-        capacity = self._stamps.size
-        stamps, values = stamps[-capacity:], values[-capacity:]
-        rows = (self._end + np.arange(stamps.size)) % capacity
-        self._stamps[rows], self._values[rows] = stamps, values
-        self._end = int(rows[-1] + 1) % capacity
-        self._count = min(self._count + stamps.size, capacity)
+    def append(self, stamps: Stamps, values: Array, good: NDArray[np.bool_]) -> None:
+        """Add those of (K,) stamps and (K, width) values that are good (K,)."""
+        self._taken = _append(self._stamps, self._values, self._taken, stamps, values, good)
 
     def clear(self) -> None:
         """Forget all samples."""
-        self._count = self._end = 0
+        self._taken = 0
 
     def last(self) -> tuple[Stamps, Array]:
         """Return the samples in order: (N,) stamps in ns, (N, width) values."""
-        rows = (self._end - self._count + np.arange(self._count)) % self._stamps.size
+        rows = (self._taken - len(self) + np.arange(len(self))) % self._stamps.size
         return self._stamps[rows], self._values[rows]
 
 
@@ -113,14 +106,23 @@ class Pipeline:
         self.join = StampJoin(len(plan.topics), tolerance=tolerance)
         self.stream, self.not_finite = stream, 0
         self.signals = plan.signals
-        self._inputs = [self.signals.index(name) for name in inputs]
-        self._outputs = [self.signals.index(n) if n in self.signals else -1 for n in outputs]
-        self._needed = [k for k, name in enumerate(self.signals) if name not in OPTIONAL]
+        self._columns = (
+            np.array([k for k, name in enumerate(self.signals) if name not in OPTIONAL]),
+            np.array([self.signals.index(name) for name in inputs]),
+            np.array([self.signals.index(n) if n in self.signals else -1 for n in outputs]),
+        )
         self.window = Window(window, len(self.signals))
+        self._compile()
         self._starts = np.empty(0, dtype=np.int64)
         self._ready: deque[Row] = deque()
         self._cost = 1e-4
         self.overrun = 0
+
+    def _compile(self) -> None:
+        """Compile everything before the first sample."""
+        stamps, values = np.zeros(1, dtype=np.int64), np.zeros((1, len(self.signals)))
+        self.window.append(stamps, values, _arrange(values, *self._columns)[0])
+        self.window.clear()
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
@@ -167,15 +169,10 @@ class Pipeline:
     def _work(self, rows: Sequence[Row]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
         values = self._plan.columns(np.array([row[1] for row in rows], dtype=np.float64))
-        good = np.isfinite(values[:, self._needed]).all(axis=1)
-        self.not_finite += int(good.size - good.sum())
-        self.window.append(stamps[good], values[good])
-        return self._feed(stamps, values[:, self._inputs], self._measured(values))
-
-    def _measured(self, values: Array) -> Array:
-        outputs = values[:, self._outputs]
-        outputs[:, [k < 0 for k in self._outputs]] = np.nan
-        return outputs
+        good, inputs, outputs = _arrange(values, *self._columns)
+        self.not_finite += len(rows) - int(np.count_nonzero(good))
+        self.window.append(stamps, values, good)
+        return self._feed(stamps, inputs, outputs)
 
     def start_at(self, stamps: Collection[int]) -> None:
         """Leave out what is before the first of these stamps (ns), and start anew at each."""
@@ -218,3 +215,34 @@ class Pipeline:
             {self.signals[k]: self._plan.sources[k].si_unit() for k in finite},
             Provenance('live topics'),
         )
+
+
+@njit(cache=True)
+def _append(ring_stamps, ring_values, taken, stamps, values, good):  # type: ignore[no-untyped-def]
+    """Add good samples to the ring; return how many it was given so far."""
+    for k in range(stamps.size):
+        if good[k]:
+            row = taken % ring_stamps.size
+            ring_stamps[row] = stamps[k]
+            for j in range(values.shape[1]):
+                ring_values[row, j] = values[k, j]
+            taken += 1
+    return taken
+
+
+@njit(cache=True)
+def _arrange(values, needed, inputs, outputs):  # type: ignore[no-untyped-def]
+    """Return which samples (K,) are good, inputs (K, n_u), and outputs (K, n_y), NaN if absent.
+
+    The others are columns of the values (K, width); that of an absent output is -1.
+    """
+    good = np.ones(values.shape[0], dtype=np.bool_)
+    u, y = np.empty((good.size, inputs.size)), np.empty((good.size, outputs.size))
+    for k in range(good.size):
+        for j in needed:
+            good[k] = good[k] and math.isfinite(values[k, j])
+        for j in range(inputs.size):
+            u[k, j] = values[k, inputs[j]]
+        for j in range(outputs.size):
+            y[k, j] = values[k, outputs[j]] if outputs[j] >= 0 else np.nan
+    return good, u, y

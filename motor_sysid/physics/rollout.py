@@ -331,6 +331,11 @@ class Workspace:
     buffer: Array
     linear: tuple[Array, Array, Array]
 
+    @property
+    def by_force(self) -> Array:
+        """(n, m) change of the state in one step by constant forces of one, in the first lane."""
+        return self.matrices[1][0, :, :, 0]
+
 
 @dataclass(frozen=True)
 class Trajectory:

@@ -26,6 +26,9 @@ class JoinCounts:
         Messages dropped because their stamp was not after the one before on the same topic.
     overflow:
         Messages dropped because another topic was silent for too long.
+    early:
+        Messages from before every topic was heard: a subscription begins when it is matched, each
+        topic at its own time.  They are no loss.
     restarts:
         How often the stamps jumped back.
     """
@@ -34,11 +37,12 @@ class JoinCounts:
     incomplete: int = 0
     out_of_order: int = 0
     overflow: int = 0
+    early: int = 0
     restarts: int = 0
 
     @property
     def dropped(self) -> int:
-        """Messages that did not become part of a sample."""
+        """Messages that did not become part of a sample, since all topics are heard."""
         return self.incomplete + self.out_of_order + self.overflow
 
 
@@ -50,6 +54,8 @@ class StampJoin:
     depends on the messages alone, not on how their arrivals interleave: a replay joins the same
     samples as the live node did.  Only a topic that falls silent makes the others wait, at most
     for `limit` messages.
+
+    Samples begin where every topic has been heard; after a restart they begin anew.
 
     Parameters
     ----------
@@ -65,6 +71,7 @@ class StampJoin:
         self.counts = JoinCounts()
         self._waiting: tuple[deque[Row], ...] = tuple(deque() for _ in range(topics))
         self._last = [-(2**63)] * topics
+        self._begin: int | None = None
         self._limit, self._tolerance = limit, tolerance
 
     def push(self, topic: int, stamp: int, values: Values) -> None:
@@ -78,7 +85,10 @@ class StampJoin:
         queue = self._waiting[topic]
         if len(queue) >= self._limit:
             queue.popleft()
-            self.counts.overflow += 1
+            if self._begin is None:
+                self.counts.early += 1
+            else:
+                self.counts.overflow += 1
         queue.append((stamp, values))
 
     def pop(self) -> list[Row]:
@@ -88,6 +98,8 @@ class StampJoin:
         while all(waiting):
             stamps = [queue[0][0] for queue in waiting]
             newest = max(stamps)
+            if self._begin is None:
+                self._begin = newest - self._tolerance
             if min(stamps) >= newest - self._tolerance:
                 rows.append((newest, _flat([queue.popleft()[1] for queue in waiting])))
             else:
@@ -96,13 +108,17 @@ class StampJoin:
         return rows
 
     def _drop_before(self, stamp: int) -> None:
+        assert self._begin is not None
         for queue in self._waiting:
             while queue and queue[0][0] < stamp:
-                queue.popleft()
-                self.counts.incomplete += 1
+                if queue.popleft()[0] < self._begin:
+                    self.counts.early += 1
+                else:
+                    self.counts.incomplete += 1
 
     def _restart(self) -> None:
         self.counts.restarts += 1
+        self._begin = None
         for k, queue in enumerate(self._waiting):
             self.counts.incomplete += len(queue)
             queue.clear()

@@ -7,15 +7,15 @@ import numpy as np
 
 
 @njit(cache=True, error_model='numpy')
-def propagate(p, by_state, by_parameter, kick, wander, most, h):  # type: ignore[no-untyped-def]
+def propagate(p, slope, kick, wander, most, h):  # type: ignore[no-untyped-def]
     """Return F P F' + Q, symmetric.
 
     Parameters
     ----------
     p:
         (d, d) covariance.
-    by_state, by_parameter:
-        (n, n), (n, k) upper blocks of F; the rest of F is the identity.
+    slope:
+        (n, n + k) upper part of F, by states and parameters; the rest of F is the identity.
     kick:
         (n, m) change of the state by the unexplained forces, one standard deviation each.
     wander:
@@ -25,15 +25,13 @@ def propagate(p, by_state, by_parameter, kick, wander, most, h):  # type: ignore
     h:
         Length of the sample in s.
     """
-    d, n, k = p.shape[0], by_state.shape[0], by_parameter.shape[1]
+    d, n, moved = p.shape[0], slope.shape[0], slope.shape[1]
     rows = np.empty((n, d))
     for i in range(n):
         for j in range(d):
             value = 0.0
-            for m in range(n):
-                value += by_state[i, m] * p[m, j]
-            for m in range(k):
-                value += by_parameter[i, m] * p[n + m, j]
+            for m in range(moved):
+                value += slope[i, m] * p[m, j]
             rows[i, j] = value
     out = p.copy()
     for i in range(n):
@@ -42,10 +40,8 @@ def propagate(p, by_state, by_parameter, kick, wander, most, h):  # type: ignore
             out[j, i] = rows[i, j]
         for j in range(i + 1):
             value = 0.0
-            for m in range(n):
-                value += rows[i, m] * by_state[j, m]
-            for m in range(k):
-                value += rows[i, n + m] * by_parameter[j, m]
+            for m in range(moved):
+                value += rows[i, m] * slope[j, m]
             for m in range(kick.shape[1]):
                 value += kick[i, m] * kick[j, m]
             out[i, j] = value
@@ -93,3 +89,66 @@ def largest_stride(cross, total, innovation, stride):  # type: ignore[no-untyped
             move += cross[first + i, j] * weight[j]
         ratio = max(ratio, abs(move) / stride[i])
     return ratio
+
+
+@njit(cache=True, error_model='numpy')
+def widen(p, prior, factor):  # type: ignore[no-untyped-def]
+    """Raise the covariance (d, d) by a factor, in place, but that of no parameter above its prior.
+
+    `prior` (q,) are the standard deviations of the last q entries before any data.
+    """
+    d, first = p.shape[0], p.shape[0] - prior.size
+    scale = np.full(d, np.sqrt(factor))
+    for i in range(first, d):
+        scale[i] /= np.sqrt(max(factor * p[i, i] / prior[i - first] ** 2, 1.0))
+    for i in range(d):
+        for j in range(d):
+            p[i, j] *= scale[i] * scale[j]
+
+
+@njit(cache=True, error_model='numpy')
+def joseph(x, p, z, rows, noise):  # type: ignore[no-untyped-def]
+    """Take a measurement: return the state and its covariance after it.
+
+    Joseph's form ``P' = (I - K H) P (I - K H)' + K R K'`` keeps the covariance positive whatever
+    the rounding.  (Bucy and Joseph, Filtering for Stochastic Processes, 1968.)
+
+    Parameters
+    ----------
+    x, p:
+        (d,) state, (d, d) covariance.
+    z, rows, noise:
+        (k,) measurements, (k, d) rows H of the state, (k,) noise variances.
+    """
+    cross, spread = project(p, rows)
+    k, d = rows.shape
+    for i in range(k):
+        spread[i, i] += noise[i]
+    gain = cross @ np.linalg.inv(spread)
+    after, left = x.copy(), np.eye(d)
+    for j in range(k):
+        innovation = z[j]
+        for m in range(d):
+            innovation -= rows[j, m] * x[m]
+        for i in range(d):
+            after[i] += gain[i, j] * innovation
+            for m in range(d):
+                left[i, m] -= gain[i, j] * rows[j, m]
+    whole = left @ p @ left.T
+    for i in range(d):
+        for m in range(d):
+            for j in range(k):
+                whole[i, m] += gain[i, j] * noise[j] * gain[m, j]
+    return after, whole
+
+
+@njit(cache=True, error_model='numpy')
+def settle(x, p, lower, upper):  # type: ignore[no-untyped-def]
+    """Make the covariance (d, d) symmetric and keep the last entries of the state in their box."""
+    d, first = x.size, x.size - lower.size
+    for i in range(d):
+        for j in range(i):
+            p[i, j] = 0.5 * (p[i, j] + p[j, i])
+            p[j, i] = p[i, j]
+    for i in range(first, d):
+        x[i] = min(max(x[i], lower[i - first]), upper[i - first])

@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -58,16 +59,23 @@ class Despiker:
         held, self._held = self._held, sample
         if held is None:
             return None
-        clean = held.y.copy()
-        for j, value in enumerate(held.y.tolist()):
-            before, after = float(self._before[j]), float(sample.y[j])
-            off = abs(value - 0.5 * (before + after))
-            if not math.isfinite(off):
-                continue
-            typical = float(self._typical[j])
-            if off > _FAR * typical > 0 and off > _ALONE * abs(after - before):
-                clean[j] = 0.5 * (before + after)
-            most = _TALLEST * typical if typical > 0 else off
-            self._typical[j] = typical + (min(off, most) - typical) / _MOMENT
+        clean = _clean(held.y, self._before, sample.y, self._typical)
         self._before = clean
-        return held._replace(y=clean)
+        return Sample(held.time, held.length, held.u, clean, held.before, held.after)
+
+
+@njit(cache=True)
+def _clean(y, before, after, typical):  # type: ignore[no-untyped-def]
+    """Return `y` (n_y,) without spikes; `typical` (n_y,) distances from neighbours are learned."""
+    clean = y.copy()
+    for j in range(y.size):
+        middle = 0.5 * (before[j] + after[j])
+        off = abs(y[j] - middle)
+        if not math.isfinite(off):
+            continue
+        usual = typical[j]
+        if off > _FAR * usual > 0 and off > _ALONE * abs(after[j] - before[j]):
+            clean[j] = middle
+        most = _TALLEST * usual if usual > 0 else off
+        typical[j] = usual + (min(off, most) - usual) / _MOMENT
+    return clean

@@ -3,10 +3,12 @@
 An extended filter that starts far from the truth wanders for seconds.  So the first second goes to
 recursive least squares, which are linear and know no bad start; the filter goes on from what they
 found.  Where a signal that they need is not measured, the filter starts from the model.
+filterpy does the measurement update, in Joseph's form.
 """
 
 from collections.abc import Sequence
 
+from filterpy.kalman import ExtendedKalmanFilter
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,7 +33,7 @@ class Ekf(OnlineEstimator):
     """
 
     def __init__(self, model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> None:
-        self._joint = JointFilter(model, dt, outputs, tuning)
+        self._joint = JointFilter(model, dt, outputs, tuning, update=FilterpyUpdate)
         self._start: Rls | None = None
         self._driven = 0.0
         try:
@@ -64,3 +66,25 @@ class Ekf(OnlineEstimator):
     def covariance(self) -> Array:
         """Return the covariance of states, then parameters."""
         return self._now.covariance()
+
+
+class FilterpyUpdate:
+    """The measurement update of filterpy's extended Kalman filter.
+
+    Parameters
+    ----------
+    states, outputs:
+        Entries of the state, and most measurements at a time.
+    """
+
+    def __init__(self, states: int, outputs: int) -> None:
+        self._filter = ExtendedKalmanFilter(states, outputs)
+
+    def __call__(
+        self, x: Array, p: Array, z: Array, rows: Array, noise: Array
+    ) -> tuple[Array, Array]:
+        """Return state and covariance; see `motor_sysid.estimation.online.algebra.joseph`."""
+        f = self._filter
+        f.x, f.P = x, p
+        f.update(z, lambda state: rows, lambda state: rows @ state, np.diag(noise))
+        return f.x, f.P

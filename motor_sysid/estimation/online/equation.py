@@ -4,18 +4,18 @@ The equation ``s drive + laws = sum of p term`` is divided by the parameter ``s`
 which another equation gives; what is held goes to the known side.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from itertools import count
 import math
-from operator import itemgetter
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.online.filters import StateVariableFilter
-from motor_sysid.estimation.online.laws import LawColumns
-from motor_sysid.estimation.online.regression import Regression
-from motor_sysid.estimation.online.regressors import End, RAW
-from motor_sysid.physics.effects import effect
+from motor_sysid.estimation.online.filters import advance, StateVariableFilter
+from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
+from motor_sysid.estimation.online.regression import learn, Regression
+from motor_sysid.estimation.online.regressors import RAW, signal_names
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Balance, Term
 
@@ -59,53 +59,66 @@ class Equation:
         bandwidth: float,
         memory: float,
     ) -> None:
-        self._model, self._balance, self._w = model, balance, bandwidth
-        self._laws = [
-            LawColumns(model, effect(key), balance.force)
-            for key in model.effects
-            if balance.force in effect(key).laws
-        ]
+        self._model, self._balance = model, balance
+        signals = signal_names(model.kind)
+        self._laws = LawColumns(model, [balance.force], signals)
         free = model.parameters
         self._free = [t for t in balance.terms if free[t.parameter].free]
-        self._held = [t for t in balance.terms if not free[t.parameter].free]
+        held = [t for t in balance.terms if not free[t.parameter].free]
         self._biased = [k for k, t in enumerate(self._free) if _offset_of(t, offset)]
         self._offset = _offset_of(self._free[self._biased[0]], offset) if self._biased else ''
-        self._read = {state: RAW + state for state in offset}
-        laws = [name for law in self._laws for name in law.names]
+        laws = [c.name for c in self._laws.columns if c.name]
         self.names = (*(t.parameter for t in self._free), *laws)
         self._every = max(round(_STEP / (bandwidth * dt)), 1)
         self._block = max(round(max(_BLOCK / bandwidth, memory / 100) / dt / self._every), 2)
         self._forget = math.exp(-self._every * dt / memory)
-        columns = len(balance.terms) + sum(len(law.names) + 1 for law in self._laws)
-        self._filter = StateVariableFilter(1 + columns, bandwidth)
-        self._row_of = self._reader((balance.drive, *self._held, *self._free))
-        self._slopes = np.array(
-            [0, *(1 + k for k, t in enumerate([*self._held, *self._free]) if t.derivative)]
-        )[1:]
+        terms = (balance.drive, *held, *self._free)
+        factors = [math.prod(model[name] for name in term.factors) for term in terms]
+        self._terms = _places(terms, signals, offset), np.array(factors)
+        self._roles, self._weights = self._columns(held)
+        self._filter = StateVariableFilter(self._weights.size, bandwidth)
         self._regression: Regression | None = None
         self._prior: Mapping[str, float] = {}
         self._waiting, self._count = math.inf, 0
 
+    def _columns(self, held: Sequence[Term]) -> tuple[NDArray[np.int64], Array]:
+        """Return the roles and weights of the filtered signals; see `_learn`."""
+        number, laws = count(), self._laws.columns
+        places = [-1] * (1 + len(held)) + [next(number) for _ in self._free]
+        places += [next(number) if column.name else -1 for column in laws]
+        derivatives = [False, *(t.derivative for t in (*held, *self._free))]
+        derivatives += [False] * len(laws)
+        weights = [1.0, *(-self._model[t.parameter] for t in held), *(1.0 for _ in self._free)]
+        weights += [-1.0 if column.name else 1.0 for column in laws]
+        return np.array([places, derivatives], dtype=np.int64), np.array(weights)
+
     def needs(self) -> set[str]:
         """Return the states and inputs that the equation reads."""
         terms = [self._balance.drive, *self._balance.terms]
-        read = {signal for term in terms for signal in term.signals}
-        return read.union(*(law.needs for law in self._laws))
+        return {signal for term in terms for signal in term.signals} | self._laws.needs
 
-    def restart(self, end: End) -> None:
-        """Settle the filters at the present signals."""
-        self._filter.start(self._row(end))
-        self._waiting = _SETTLING / self._w
+    def restart(self, measured: Array, tracked: Array) -> None:
+        """Settle the filters at the present signals (S,)."""
+        self._laws.begin(tracked)
+        row = np.empty(self._filter.value.size)
+        _fill_row(*self._terms, *self._laws.table, measured, tracked, row)
+        self._filter.start(row)
+        self._waiting = _SETTLING / self._filter.bandwidth
 
     def step(
-        self, first: End, last: End, h: float, drive: float, prior: Mapping[str, float]
+        self,
+        measured: Array,
+        tracked: Array,
+        h: float,
+        drive: float,
+        prior: Mapping[str, float],
     ) -> None:
         """Take one sample.
 
         Parameters
         ----------
-        first, last:
-            Signals at its start and end.
+        measured, tracked:
+            (2, S) signals at its start and end; see `Regressors`.
         h:
             Its length in s.
         drive:
@@ -113,53 +126,18 @@ class Equation:
         prior:
             Parameter name to standard deviation before any data.
         """
-        self._filter.step(self._row(first), self._row(last), h)
-        for law in self._laws:
-            law.advance(last.tracked, h)
+        f = self._filter
+        _advance_filters(
+            *self._terms, *self._laws.table, measured, tracked, f.value, f.slope, f.gains,
+            f.bandwidth, h,
+        )  # fmt: skip
+        self._laws.advance(h)
         self._waiting -= h
         self._count += 1
         if self._waiting > 0 or self._count % self._every:
             return
-        filtered = self._filter.value.copy()
-        filtered[self._slopes] = self._filter.slope[self._slopes]
-        x, y = self._split(filtered, drive)
-        self._ready(drive, prior).update(x, y)
-
-    def _row(self, end: End) -> Array:
-        """Return drive, held and free terms, and of each law the free part, then the held."""
-        values = self._row_of(end.measured)
-        if not self._laws:
-            return np.array(values)
-        return np.concatenate([values, *(law.values(end.tracked) for law in self._laws)])
-
-    def _reader(self, terms: Sequence[Term]) -> Callable[[Mapping[str, float]], list[float]]:
-        """Return what reads the values of the terms from the signals."""
-        names = [tuple(self._read.get(name, name) for name in term.signals) for term in terms]
-        factors = [math.prod(self._model[name] for name in term.factors) for term in terms]
-        if all(len(read) == 1 for read in names) and all(f == 1.0 for f in factors):
-            get = itemgetter(*(read[0] for read in names), names[0][0])
-            return lambda signals: list(get(signals)[:-1])
-
-        def read(signals: Mapping[str, float]) -> list[float]:
-            pairs = zip(names, factors, strict=True)
-            return [math.prod((signals[n] for n in given), start=f) for given, f in pairs]
-
-        return read
-
-    def _split(self, filtered: Array, drive: float) -> tuple[Array, float]:
-        """Return the regressors and the known side, divided by the drive's parameter."""
-        first = 1 + len(self._held)
-        held = [self._model[t.parameter] for t in self._held]
-        y = filtered[0] - float(filtered[1:first] @ np.array(held)) / drive
-        at = first + len(self._free)
-        columns = [filtered[first:at]]
-        for law in self._laws:
-            columns.append(-filtered[at : at + len(law.names)])
-            y += filtered[at + len(law.names)] / drive
-            at += len(law.names) + 1
-        if self._offset:
-            columns.append(np.ones(1))
-        return np.concatenate(columns), float(y)
+        regression = self._ready(drive, prior)
+        _learn(f.value, f.slope, self._roles, self._weights, drive, *regression.state)
 
     def _ready(self, drive: float, prior: Mapping[str, float]) -> Regression:
         """Return the regression, made at the first sample and widened as priors grow."""
@@ -244,3 +222,67 @@ def offsets(model: Model, balances: Sequence[Balance]) -> list[dict[str, str]]:
         chosen.append(here)
         open_ones = {s: b for s, b in open_ones.items() if s not in here}
     return chosen
+
+
+def _places(
+    terms: Sequence[Term], signals: Sequence[str], offset: Mapping[str, str]
+) -> NDArray[np.int64]:
+    """Return (T, M) where the signals of each term are, -1 where it has fewer."""
+    width = max(len(term.signals) for term in terms)
+    table = np.full((len(terms), width), -1, dtype=np.int64)
+    for row, term in zip(table, terms, strict=True):
+        read = [RAW + name if name in offset else name for name in term.signals]
+        row[: len(read)] = [signals.index(name) for name in read]
+    return table
+
+
+@njit(cache=True, error_model='numpy')
+def _fill_row(  # type: ignore[no-untyped-def]
+    places, factors, buffer, base, calls, reads, measured, tracked, row
+):
+    """Write drive, held and free terms, and the columns of the laws (C,) at signals (S,)."""
+    for t in range(factors.size):
+        value = factors[t]
+        for k in range(places.shape[1]):
+            if places[t, k] >= 0:
+                value *= measured[places[t, k]]
+        row[t] = value
+    evaluate_columns(buffer, base, calls, reads, tracked, row[factors.size :])
+
+
+@njit(cache=True, error_model='numpy')
+def _advance_filters(  # type: ignore[no-untyped-def]
+    places, factors, buffer, base, calls, reads, measured, tracked, value, slope, gains,
+    bandwidth, h,
+):  # fmt: skip
+    """Take both ends (2, S) of a sample through the filters of all columns, in place."""
+    first, last = np.empty(value.size), np.empty(value.size)
+    laws = (buffer, base, calls, reads)
+    _fill_row(places, factors, *laws, measured[0], tracked[0], first)
+    _fill_row(places, factors, *laws, measured[1], tracked[1], last)
+    advance(value, slope, gains, bandwidth, first, last, h)
+
+
+@njit(cache=True, error_model='numpy')
+def _learn(  # type: ignore[no-untyped-def]
+    value, slope, roles, weights, drive, coefficients, prior, information, floor, numbers,
+    moments, blocks, settings,
+):  # fmt: skip
+    """Give the filtered signals to the regression, divided by the drive's parameter.
+
+    Parameters
+    ----------
+    value, slope:
+        (C,) filtered signals and their derivatives; the first is the drive.
+    roles, weights:
+        (2, C) place among the regressors (-1: on the known side) and whether the derivative is
+        meant; (C,) factors.  A last regressor that no signal belongs to is a constant.
+    """
+    x, y = np.ones(coefficients.size), value[0]
+    for c in range(1, value.size):
+        term = weights[c] * (slope[c] if roles[1, c] else value[c])
+        if roles[0, c] >= 0:
+            x[roles[0, c]] = term
+        else:
+            y += term / drive
+    learn(coefficients, prior, information, floor, numbers, moments, blocks, settings, x, y)

@@ -29,38 +29,45 @@ class StateVariableFilter:
     ----------
     value, slope:
         (width,) filtered signals and their derivatives.
+    bandwidth, gains:
+        What `advance` takes besides.
     """
 
     def __init__(self, width: int, bandwidth: float) -> None:
-        self._w = bandwidth
+        self.bandwidth = bandwidth
         self.value, self.slope = np.zeros(width), np.zeros(width)
-        self._length, self._gains = 0.0, np.zeros(8)
+        self.gains = np.zeros(9)
 
     def start(self, signal: Array) -> None:
         """Settle at constant signals (width,)."""
-        self.value, self.slope = signal.copy(), np.zeros_like(signal)
+        self.value[:], self.slope[:] = signal, 0.0
 
     def step(self, first: Array, last: Array, h: float) -> None:
         """Advance by `h` s, in which the signals go straight from `first` to `last`."""
-        if h != self._length:
-            self._length, self._gains = h, self._solve(h)
-        _advance(self.value, self.slope, first, last, self._gains)
-
-    def _solve(self, h: float) -> Array:
-        """Return the transition of (value, slope) and the gains of both ends of the sample."""
-        w, a = self._w, self._w * h
-        e = math.exp(-a)
-        rise, rate = 1 - e * (1 + a), w * a * e
-        ramp, ramp_rate = 1 - 2 * (1 - e) / a + e, rise / h
-        return np.array([
-            e * (1 + a), e * h, -e * w * a, e * (1 - a),
-            rise - ramp, ramp, rate - ramp_rate, ramp_rate,
-        ])  # fmt: skip
+        advance(self.value, self.slope, self.gains, self.bandwidth, first, last, h)
 
 
 @njit(cache=True)
-def _advance(value, slope, first, last, gains):  # type: ignore[no-untyped-def]
+def advance(value, slope, gains, bandwidth, first, last, h):  # type: ignore[no-untyped-def]
+    """Advance filtered signals and their derivatives, in place; see `StateVariableFilter`.
+
+    `gains` (9,) hold the transition of (value, slope), the gains of both ends of the sample, and
+    the length that they are for.
+    """
+    if gains[8] != h:
+        _solve(bandwidth, h, gains)
     for k in range(value.size):
         v, w = value[k], slope[k]
         value[k] = gains[0] * v + gains[1] * w + gains[4] * first[k] + gains[5] * last[k]
         slope[k] = gains[2] * v + gains[3] * w + gains[6] * first[k] + gains[7] * last[k]
+
+
+@njit(cache=True)
+def _solve(w, h, gains):  # type: ignore[no-untyped-def]
+    a = w * h
+    e = math.exp(-a)
+    rise, rate = 1 - e * (1 + a), w * a * e
+    ramp, ramp_rate = 1 - 2 * (1 - e) / a + e, rise / h
+    gains[0], gains[1], gains[2], gains[3] = e * (1 + a), e * h, -e * w * a, e * (1 - a)
+    gains[4], gains[5], gains[6], gains[7] = rise - ramp, ramp, rate - ramp_rate, ramp_rate
+    gains[8] = h

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 import math
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -67,15 +68,15 @@ class OnlineIdentifier:
         self.outputs = _known_outputs(model, outputs)
         self._tuning = tuning or Tuning()
         make = partial(ESTIMATORS[estimator], model, dt, self.outputs, self._tuning)
-        _compile(make(), len(self._columns), len(outputs), dt)
+        _compile(make(), self._columns.size, len(outputs), dt)
         self._estimator = make()
-        self._delay = _DelayLine(_delay(model), len(self._columns))
+        self._delay = _DelayLine(_delay(model), self._columns.size)
         self.samples = self.gaps = self.dropped = 0
         self._last_time = np.nan
-        self._held = np.zeros(len(self._columns))
+        self._held = np.zeros(self._columns.size)
         self._prediction = np.full(len(outputs), np.nan)
         self._residual = np.full(len(outputs), np.nan)
-        self._power = [[0.0, 0.0, 0.0] for _ in outputs]
+        self._power = np.zeros((3, len(outputs)))
         self._keep = math.exp(-self.dt / _ERROR_MEMORY)
 
     def update(self, t: Array, inputs: Array, outputs: Array) -> None:
@@ -91,9 +92,9 @@ class OnlineIdentifier:
             (K, n_y) outputs measured at the stamps, NaN where missing.
         """
         stamps = np.asarray(t, dtype=np.float64)
-        u = np.asarray(inputs, dtype=np.float64).reshape(stamps.size, len(self._columns))
+        u = np.asarray(inputs, dtype=np.float64).reshape(stamps.size, self._columns.size)
         y = np.asarray(outputs, dtype=np.float64).reshape(stamps.size, len(self.outputs))
-        u, y = u[:, self._columns], np.where(np.isfinite(y), y, np.nan)
+        u, y = _arrange(u, self._columns, y)
         for k, time in enumerate(stamps.tolist()):
             self._take(time, u[k], y[k])
 
@@ -110,22 +111,10 @@ class OnlineIdentifier:
         else:
             held = self._delay.push(self._held, h)
             self._prediction = self._estimator.step(self._last_time, h, held, y)
-            self._residual = y - self._prediction
-            self._note(y)
-        self._last_time = time
-        known = np.isfinite(u)
-        self._held = u if known.all() else np.where(known, u, self._held)
+            _note(self._prediction, y, self._keep, self._residual, self._power)
+        _hold(u, self._held)
+        self._last_time, self._held = time, u
         self.samples += 1
-
-    def _note(self, y: Array) -> None:
-        """Keep mean squares of the residual and of the signal over the last second or so."""
-        keep = self._keep
-        rows = zip(self._power, self._residual.tolist(), y.tolist(), strict=True)
-        for power, residual, value in rows:
-            if residual == residual:  # not NaN
-                power[0] = keep * power[0] + (1 - keep) * residual * residual
-                power[1] = keep * power[1] + (1 - keep) * value * value
-                power[2] = keep * power[2] + (1 - keep)
 
     def estimate(self) -> Mapping[str, Estimate]:
         """Return value, sigma, unit and identifiability of every free parameter."""
@@ -141,15 +130,14 @@ class OnlineIdentifier:
 
     def errors(self) -> Mapping[str, float]:
         """Return the RMS of the residual of each output over the last second, NaN before any."""
-        power = np.array(self._power)
-        weight = np.where(power[:, 2] > 0, power[:, 2], np.nan)
-        return dict(zip(self.outputs, np.sqrt(power[:, 0] / weight).tolist(), strict=True))
+        error, _, weight = self._power
+        weight = np.where(weight > 0, weight, np.nan)
+        return dict(zip(self.outputs, np.sqrt(error / weight).tolist(), strict=True))
 
     def errors_percent(self) -> Mapping[str, float]:
         """Return the same over the RMS of the measured signal, in percent."""
-        power = np.array(self._power)
-        signal = np.where(power[:, 1] > 0, power[:, 1], np.nan)
-        ratio = 100 * np.sqrt(power[:, 0] / signal)
+        error, signal, _ = self._power
+        ratio = 100 * np.sqrt(error / np.where(signal > 0, signal, np.nan))
         return dict(zip(self.outputs, ratio.tolist(), strict=True))
 
     def current_model(self) -> Model:
@@ -210,11 +198,11 @@ def _delay(model: Model) -> float:
     return sum(model[f'{key}.{card.delay}'] for key, card in cards if card.delay)
 
 
-def _input_columns(model: Model, inputs: Sequence[str]) -> list[int]:
+def _input_columns(model: Model, inputs: Sequence[str]) -> NDArray[np.int64]:
     """Return the columns of the inputs in the motor kind's order."""
     for names in model.kind.inputs:
         if set(names) == set(inputs):
-            return [list(inputs).index(name) for name in names]
+            return np.array([list(inputs).index(name) for name in names])
     wanted = ' or '.join('+'.join(names) for names in model.kind.inputs)
     raise UserError(f'a {model.kind.title} is driven by {wanted}, not by {"+".join(inputs)}')
 
@@ -228,3 +216,35 @@ def _known_outputs(model: Model, outputs: Sequence[str]) -> tuple[str, ...]:
             f'got {", ".join(outputs) or "none"}'
         )
     return tuple(outputs)
+
+
+@njit(cache=True)
+def _arrange(inputs, columns, outputs):  # type: ignore[no-untyped-def]
+    """Return inputs (K, n_u) in the motor's order, and outputs (K, n_y) with NaN if not finite."""
+    u, y = np.empty((inputs.shape[0], columns.size)), outputs.copy()
+    for k in range(inputs.shape[0]):
+        for j in range(columns.size):
+            u[k, j] = inputs[k, columns[j]]
+        for j in range(y.shape[1]):
+            if not math.isfinite(y[k, j]):
+                y[k, j] = np.nan
+    return u, y
+
+
+@njit(cache=True)
+def _hold(u, before):  # type: ignore[no-untyped-def]
+    """Replace what is not known of an input (n_u,) by the one before."""
+    for j in range(u.size):
+        if not math.isfinite(u[j]):
+            u[j] = before[j]
+
+
+@njit(cache=True)
+def _note(prediction, y, keep, residual, power):  # type: ignore[no-untyped-def]
+    """Set the residual (n_y,), and keep its power and the signal's over the last second or so."""
+    for j in range(y.size):
+        residual[j] = y[j] - prediction[j]
+        if residual[j] == residual[j]:  # not NaN
+            power[0, j] = keep * power[0, j] + (1 - keep) * residual[j] * residual[j]
+            power[1, j] = keep * power[1, j] + (1 - keep) * y[j] * y[j]
+            power[2, j] = keep * power[2, j] + (1 - keep)

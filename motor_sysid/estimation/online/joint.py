@@ -2,8 +2,7 @@
 
 The state is that of the motor kind, followed by the estimated parameters and sensor offsets.  The
 step is the simulator's own, exact for the linear motor, and its Jacobian a central difference of
-it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint filter; filterpy does the measurement
-update in Joseph's form.)
+it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint filter.)
 
 Where a parameter is wrong, changes, or physics is missing, such a filter soon believes itself too
 much.  Three things keep it honest: no sample may move a parameter far, and while innovations stay
@@ -11,14 +10,14 @@ too large or keep their sign, both the covariance grows (Zhou and Frank, Int. J.
 on such tracking filters) and the unexplained torque and voltage that it reckons with.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 import math
 
-from filterpy.kalman import ExtendedKalmanFilter
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.online.algebra import largest_stride, project, propagate
+from motor_sysid.estimation.online.algebra import joseph, propagate, settle
 from motor_sysid.estimation.online.base import Estimate, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.motion import Motion
@@ -28,10 +27,17 @@ from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
+Update = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array]]
+"""A measurement update: see `motor_sysid.estimation.online.algebra.joseph`."""
+
+
+def compiled(states: int, outputs: int) -> Update:
+    """Return the update that costs least."""
+    return joseph
+
 
 _GROWTH = 1.1
 _KNOWN = 0.5
-_DOUBT = 1.03
 _REACH = 5.0
 _STRIDE = 0.3
 _LEAST = 0.03
@@ -47,6 +53,8 @@ class JointFilter:
         See `motor_sysid.estimation.online.base.OnlineEstimator`.
     estimated:
         Names of the parameters to estimate; by default the free ones.
+    update:
+        Makes the measurement update, for so many states and outputs.
 
     Attributes
     ----------
@@ -61,6 +69,7 @@ class JointFilter:
         outputs: Sequence[str],
         tuning: Tuning,
         estimated: Sequence[str] | None = None,
+        update: Callable[[int, int], Update] = compiled,
     ) -> None:
         names = [p.name for p in model.parameters.free] if estimated is None else list(estimated)
         delays = [f'{key}.{effect(key).card.delay}' for key in model.effects]
@@ -75,7 +84,7 @@ class JointFilter:
         self._sensing = Sensing(model, outputs, index, tuning)
         self._unit = Sizes.per_unit(model)
         self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
-        self._filter = ExtendedKalmanFilter(self._n + self._start.size, max(len(outputs), 1))
+        self._update = update(self._n + self._start.size, len(outputs))
         self.lost = 0
         self._begin()
 
@@ -83,8 +92,8 @@ class JointFilter:
         """Forget all data."""
         n, size = self._n, self._n + self._start.size
         self._index = np.arange(n, size)
-        self._filter.x = np.concatenate([np.zeros(n), self._start])
-        self._filter.P = np.zeros((size, size))
+        self._x = np.concatenate([np.zeros(n), self._start])
+        self._cov = np.zeros((size, size))
         self._prior = np.zeros(size - n)
         self._size, self._seen = 0.0, np.zeros(n)
         self._sizes = self._unit.seen(0.0, self._seen)
@@ -96,11 +105,11 @@ class JointFilter:
 
     def restart(self, y: Array) -> None:
         """Take up the motion from measured outputs; parameters keep what is known of them."""
-        n, f = self._n, self._filter
-        state, sigma = self._sensing.start(y, f.x, self._sizes.state)
-        f.x[:n] = state
-        f.P[:n, :] = f.P[:, :n] = 0.0
-        f.P[:n, :n] = np.diag(sigma**2)
+        n = self._n
+        state, sigma = self._sensing.start(y, self._x, self._sizes.state)
+        self._x[:n] = state
+        self._cov[:n, :] = self._cov[:, :n] = 0.0
+        self._cov[:n, :n] = np.diag(sigma**2)
         self.motion.forget()
 
     def take_over(self, other: 'JointFilter', found: Mapping[str, tuple[float, float]]) -> None:
@@ -113,30 +122,30 @@ class JointFilter:
         found:
             Parameter name to value and standard deviation.
         """
-        n, f = self._n, self._filter
+        n, x, cov = self._n, self._x, self._cov
         self._seen = other._seen.copy()
         self._resize(other._size)
-        f.x[:n], f.P[:n, :n] = other._filter.x[:n], other._filter.P[:n, :n]
+        x[:n], cov[:n, :n] = other._x[:n], other._cov[:n, :n]
         self._sensing.take_over(other._sensing)
         for k, p in enumerate(self._coordinates.parameters):
             if p.name in found:
                 value, sigma = found[p.name]
                 one = Coordinates([p])
                 z = one.vector([min(max(value, p.lower), p.upper)])
-                f.x[n + k] = np.clip(z[0], self._box[0][k], self._box[1][k])
+                x[n + k] = np.clip(z[0], self._box[0][k], self._box[1][k])
                 spread = max(sigma / float(one.slope(z)[0]), _LEAST * self._prior[k])
-                f.P[n + k, n + k] = min(spread, self._prior[k]) ** 2
+                cov[n + k, n + k] = min(spread, self._prior[k]) ** 2
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
         """Predict, note the prediction, and correct."""
         self._grow(u, y)
-        before = self._filter.x[: self._n].copy()
+        before = self._x[: self._n].copy()
         if self._size == 0.0:
             self.restart(y)
-            return self._sensing.outputs(before, self._filter.x, h)
-        self._predict(time, h, u)
-        predicted = self._sensing.outputs(before, self._filter.x, h)
-        if math.isfinite(self._filter.P.sum() + self._filter.x.sum()):
+            return self._sensing.outputs(before, self._x, h)
+        sound = self._predict(time, h, u)
+        predicted = self._sensing.outputs(before, self._x, h)
+        if sound:
             self._correct(h, y)
         else:
             self.lost += 1
@@ -147,8 +156,8 @@ class JointFilter:
 
     def _grow(self, u: Array, y: Array) -> None:
         """Widen the priors of amplitudes and offsets as larger inputs and motions are seen."""
-        size = max(map(abs, u.tolist()))
-        if size <= _GROWTH * self._size and not (np.abs(y) > self._limit).any():
+        size = _outgrown(u, y, self._size, self._limit)
+        if size < 0.0:
             return
         np.fmax.at(self._seen, self._sensing.state, np.abs(y))
         if max(size, self._size) > 0.0:
@@ -158,7 +167,7 @@ class JointFilter:
         """Set what follows from the largest input and the largest states seen."""
         sizes = self._unit.seen(size, self._seen)
         fresh = prior_sigma(self.model, self._coordinates.names, sizes, self._dt)
-        self._filter.P[self._index, self._index] += np.maximum(fresh**2 - self._prior**2, 0.0)
+        self._cov[self._index, self._index] += np.maximum(fresh**2 - self._prior**2, 0.0)
         self._size, self._sizes, self._prior = size, sizes, np.maximum(fresh, self._prior)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
         self._rescale()
@@ -175,54 +184,35 @@ class JointFilter:
         self._push = tuning.disturbance * self._sizes.force
         self._wander = (tuning.drift * self._prior) ** 2
 
-    def _predict(self, time: float, h: float, u: Array) -> None:
-        n, p, f = self._n, self._p, self._filter
-        self._steps[:n] = 1e-6 * (self._sizes.state + np.abs(f.x[:n]))
-        move = self.motion.advance(f.x[:n], f.x[n : n + p], self._steps, u, time, h)
-        kick = move.by_force * (self._unrest * self._push * math.sqrt(1e-3 / h))
-        wander = (self._wander, self._prior, h)
-        f.P = propagate(f.P, move.by_state, move.by_parameter, kick, *wander)
-        f.x = np.concatenate((move.state, f.x[n:]))
+    def _predict(self, time: float, h: float, u: Array) -> bool:
+        """Predict state and covariance; tell whether they are finite."""
+        n, p = self._n, self._p
+        _set_steps(self._steps, self._x[:n], self._sizes.state)
+        z = self._x[n : n + p]
+        move = self.motion.advance(self._x[:n], z, self._steps, u, time, h)
+        push = self._unrest * math.sqrt(1e-3 / h)
+        self._cov, sound = _spread(
+            self._x, self._cov, move.state, move.slope, move.by_force, push, self._push,
+            self._wander, self._prior, h,
+        )  # fmt: skip
+        return bool(sound)
 
     def _correct(self, h: float, y: Array) -> None:
-        f = self._filter
-        z, rows = self._sensing.measured(y, f.x, h)
+        z, rows, noise, doubt = self._sensing.measure(
+            y, self._x, self._cov, h, self._prior, self._stride
+        )
         if z.size == 0:
             return
-        innovation = z - rows @ f.x
-        cross, spread = project(f.P, rows)
-        noise, doubt = self._sensing.judge(innovation, spread.diagonal(), f.x)
-        if doubt:
-            self._widen()
-            cross, spread = project(f.P, rows)
         unrest = self._unrest * (_RISE if doubt else _FALL)
         self._unrest = min(max(unrest, 1.0), _MOST)
-        total = spread + np.diag(noise)
-        ratio = largest_stride(cross, total, innovation, self._stride)
-        if ratio > 1.0:  # no sample may move a parameter further than its stride
-            noise = noise + (ratio - 1.0) * total.diagonal()
-        f.update(z, lambda x: rows, lambda x: rows @ x, np.diag(noise))
-        f.P = 0.5 * (f.P + f.P.T)
-        f.x[self._n :] = np.minimum(np.maximum(f.x[self._n :], self._box[0]), self._box[1])
-
-    @property
-    def nis(self) -> float:
-        """Normalized innovation squared of the last sample."""
-        return float(self._filter.y @ np.linalg.solve(self._filter.S, self._filter.y))
-
-    def _widen(self) -> None:
-        """Trust the prediction less, but no parameter less than before any data."""
-        f = self._filter
-        over = _DOUBT * f.P[self._index, self._index] / self._prior**2
-        scale = np.full(f.x.size, np.sqrt(_DOUBT))
-        scale[self._index] /= np.sqrt(np.maximum(over, 1.0))
-        f.P = scale[:, np.newaxis] * f.P * scale
+        self._x, self._cov = self._update(self._x, self._cov, z, rows, noise)
+        settle(self._x, self._cov, *self._box)
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters with their standard deviations."""
-        z = self._filter.x[self._n :]
+        z = self._x[self._n :]
         values, slope = self._coordinates.values(z), self._coordinates.slope(z)
-        spread = np.sqrt(np.maximum(self._filter.P[self._index, self._index], 0.0))
+        spread = np.sqrt(np.maximum(self._cov[self._index, self._index], 0.0))
         sigma = np.where(self._prior > 0, spread * slope, np.inf)
         inside = (self._box[0] < z) & (z < self._box[1])
         known = (spread < _KNOWN * self._prior) & inside
@@ -239,7 +229,7 @@ class JointFilter:
     @property
     def state(self) -> Array:
         """Motor state (n,), now."""
-        return np.array(self._filter.x[: self._n])
+        return np.array(self._x[: self._n])
 
     @property
     def sizes(self) -> Sizes | None:
@@ -248,4 +238,38 @@ class JointFilter:
 
     def covariance(self) -> Array:
         """Return the covariance of states, then parameters."""
-        return np.array(self._filter.P)
+        return np.array(self._cov)
+
+
+@njit(cache=True)
+def _outgrown(u, y, size, limit):  # type: ignore[no-untyped-def]
+    """Return the size of the input (n_u,), or -1 where it and outputs (n_y,) are as known."""
+    largest = 0.0
+    for k in range(u.size):
+        largest = max(largest, abs(u[k]))
+    for j in range(y.size):
+        if abs(y[j]) > limit[j]:
+            return largest
+    return largest if largest > _GROWTH * size else -1.0
+
+
+@njit(cache=True)
+def _set_steps(steps, x, size):  # type: ignore[no-untyped-def]
+    """Set the steps of the differences by the state (n,)."""
+    for j in range(x.size):
+        steps[j] = 1e-6 * (size[j] + abs(x[j]))
+
+
+@njit(cache=True, error_model='numpy')
+def _spread(x, p, state, slope, by_force, unrest, push, wander, prior, h):  # type: ignore[no-untyped-def]
+    """Put the state in its place; return the covariance (d, d) after a sample, and its soundness.
+
+    `push` (m,) are the unexplained forces, one standard deviation in a sample of 1 ms.
+    """
+    kick = np.empty(by_force.shape)
+    for j in range(kick.shape[0]):
+        x[j] = state[j]
+        for m in range(kick.shape[1]):
+            kick[j, m] = by_force[j, m] * (unrest * push[m])
+    after = propagate(p, slope, kick, wander, prior, h)
+    return after, np.isfinite(after.sum() + x.sum())

@@ -1,94 +1,210 @@
-"""The columns that the effects of a model add to one of its equations.
+"""The columns that the effects of a model add to its equations, or to what its sensors show.
 
 A law is linear in its amplitudes: its regressors are its values with one amplitude at one and the
-others at zero.  (An amplitude that comes with values to try is not linear: it is held.)
+others at zero.  Each of them is one lane of the compiled law (see `motor_sysid.physics.lanes`), so
+that one call gives them all.  (An amplitude that comes with values to try is not linear: it is
+held.)
 """
 
-from collections.abc import Mapping
-import inspect
+from collections.abc import Sequence
+from typing import NamedTuple
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.kernel import call_all, evaluate_rates
+from motor_sysid.physics.lanes import (
+    compile_effect,
+    FIRST_PARAMETER_ROW,
+    Lane,
+    LANES,
+    ROW_OF_ARGUMENT,
+    ROW_OF_FORCE,
+)
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.own_states import correct_own, predict_own
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
 
 _ABSURD = 1e12
+_TARGET, _WIDTH = 3, 4
+
+
+class Column(NamedTuple):
+    """One column: its free amplitude as a parameter of the model, and the target of its law.
+
+    Without a name it is what the law gives for the amplitudes that are held.
+    """
+
+    name: str
+    target: str
 
 
 class LawColumns:
-    """Regressors of one effect in one equation.
+    """The columns of all effects with a law for one of the targets.
 
     Parameters
     ----------
-    model, effect:
-        The model, and one of its effects.
-    force:
-        Name of the equation that the effect has a law for.
+    model:
+        The model; laws are given its parameters, but for their free amplitudes.
+    targets:
+        Names of equations or sensors.
+    signals:
+        Names of the first entries of the vectors of signals that the laws will be given.
+    memory:
+        Whether laws of effects with own states take part.
 
     Attributes
     ----------
-    names:
-        Its free amplitudes in which it is linear, as parameters of the model.
+    columns:
+        What each column is: for each law its free amplitudes, then what is held.
     needs:
-        States and inputs that its laws read.
+        States and inputs that the laws and the rates of their own states read.
+    table:
+        What the compiled functions of this module take: memory of the laws (a buffer as
+        `motor_sysid.physics.lanes` describes it) and its address; (5, L) addresses of the laws,
+        where their parameters, own states and results lie, and how many columns they fill;
+        (R, 2) rows of the buffer and the entries of the signals that belong there.
     """
 
-    def __init__(self, model: Model, effect: Effect, force: str) -> None:
-        self._law, self._rates = effect.laws[force], effect.rates
-        self._memory = dict.fromkeys(effect.card.states, 0.0)
-        parameters = model.parameters
-        own = [p.name for p in effect.card.parameters]
-        amplitudes = [p.name for p in effect.card.amplitudes if not p.trials]
-        free = [name for name in amplitudes if parameters[f'{effect.key}.{name}'].free]
-        self.names = tuple(f'{effect.key}.{name}' for name in free)
-        values = parameters.values()
-        self._known: dict[str, float | Array] = {**values}
-        for name in own:
-            column = np.zeros(len(free) + 1)
-            if name in free:
-                column[free.index(name)] = 1.0
-            else:
-                column[-1] = values[f'{effect.key}.{name}']
-            self._known[name] = column if name in amplitudes else values[f'{effect.key}.{name}']
-        self._arguments = tuple(inspect.signature(self._law).parameters)
-        self._rate_arguments = {
-            state: tuple(inspect.signature(rate).parameters) for state, rate in self._rates.items()
-        }
-        self.needs = effect.needs() - set(values) - {'t'}
+    def __init__(
+        self, model: Model, targets: Sequence[str], signals: Sequence[str], memory: bool = True
+    ) -> None:
+        motor = [p.name for p in model.kind.parameters]
+        self._rows = [np.zeros(LANES)] * FIRST_PARAMETER_ROW
+        self._rows += [np.full(LANES, model[name]) for name in motor]
+        self._calls: list[tuple[int, ...]] = []
+        self._rates: list[tuple[Lane, int, int, int]] = []
+        self._begin_at: list[tuple[int, str]] = []
+        self._keep: list[Lane] = []
+        self.columns: tuple[Column, ...] = ()
+        self.needs: set[str] = set()
+        for one in map(effect, model.effects):
+            if set(targets) & set(one.laws) and (memory or not one.card.states):
+                self._add(model, one, targets, compile_effect(one, tuple(motor)))
+                self.needs |= one.needs() - {*model.parameters.values(), 't'}
+        buffer = np.concatenate(self._rows)
+        calls = np.array(self._calls, dtype=np.int64).reshape(-1, 5)
+        reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]
+        self.table = (
+            buffer, buffer.ctypes.data, np.ascontiguousarray(calls.T),
+            np.array(reads, dtype=np.int64).reshape(-1, 2),
+        )  # fmt: skip
+        self._begins = [(offset, list(signals).index(core)) for offset, core in self._begin_at]
+        self._own = self._own_states()
 
-    def values(self, signals: Mapping[str, float]) -> Array:
-        """Return the value of each free amplitude's column, and of what is held, (m + 1,)."""
-        found = self._law(
-            *(signals[n] if n in signals else self._own(n) for n in self._arguments)
-        )
-        column = np.asarray(found, dtype=np.float64)
-        return column if column.ndim else np.full(len(self.names) + 1, found)
-
-    def _own(self, name: str) -> float | Array:
-        return self._memory[name] if name in self._memory else self._known[name]
-
-    def advance(self, signals: Mapping[str, float], h: float) -> None:
-        """Carry the effect's own states on by `h` s under held signals (Runge-Kutta 4)."""
-        if not self._rates:
-            return
-        now = np.array(list(self._memory.values()))
-        k1 = self._slope(now, signals)
-        k2 = self._slope(now + 0.5 * h * k1, signals)
-        k3 = self._slope(now + 0.5 * h * k2, signals)
-        k4 = self._slope(now + h * k3, signals)
-        after = now + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-        if not np.all(np.abs(after) < _ABSURD):
-            after = np.zeros_like(after)
-        self._memory = dict(zip(self._memory, after.tolist(), strict=True))
-
-    def _slope(self, memory: Array, signals: Mapping[str, float]) -> Array:
-        own = dict(zip(self._memory, memory.tolist(), strict=True))
-        everything = {**self._known, **own, **signals}
-        rates = [
-            rate(*(everything[name] for name in self._rate_arguments[state]))
-            for state, rate in self._rates.items()
+    def _add(
+        self, model: Model, one: Effect, targets: Sequence[str], lanes: Sequence[Lane]
+    ) -> None:
+        """Give an effect its rows: its parameters as they are, its own states, its columns."""
+        free = [
+            p.name for p in one.card.amplitudes
+            if not p.trials and model.parameters[f'{one.key}.{p.name}'].free
+        ]  # fmt: skip
+        plain = len(self._rows) * LANES
+        self._rows += [
+            np.full(LANES, model[f'{one.key}.{p.name}']) for p in one.card.parameters
         ]
-        return np.array([float(np.max(rate)) for rate in rates])
+        state = len(self._rows) * LANES
+        self._rows += [np.zeros(LANES)] * (2 * len(one.card.states))
+        self._keep += lanes
+        self._begin_at += [
+            (state + one.card.states.index(mine) * LANES, core)
+            for mine, core in one.card.begins.items()
+        ]
+        for lane in lanes:
+            if lane.target in targets:
+                self.columns += tuple(Column(f'{one.key}.{n}', lane.target) for n in free)
+                self.columns += (Column('', lane.target),)
+                self._add_columns(model, one, lane, free, state)
+            elif lane.target in one.card.states:
+                self._rates.append((lane, plain, state, len(one.card.states)))
+
+    def _add_columns(
+        self, model: Model, one: Effect, lane: Lane, free: Sequence[str], state: int
+    ) -> None:
+        """Give a law parameters of its own for each column, 32 columns to a call."""
+        linear = [p.name for p in one.card.amplitudes if not p.trials]
+        width = len(free) + 1
+        blocks = -(-width // LANES)
+        table = np.zeros((len(one.card.parameters), blocks * LANES))
+        for row, p in zip(table, one.card.parameters, strict=True):
+            if p.name in free:
+                row[free.index(p.name)] = 1.0
+            else:
+                row[width - 1 if p.name in linear else slice(None)] = model[f'{one.key}.{p.name}']
+        for k in range(blocks):
+            own = len(self._rows) * LANES
+            self._rows += list(table[:, k * LANES : (k + 1) * LANES])
+            target = ROW_OF_FORCE[lane.target] * LANES
+            count = min(width - k * LANES, LANES)
+            self._calls.append((lane.address, own, state, target, count))
+
+    def _own_states(self) -> tuple[tuple[Integers, ...], NDArray[np.bool_], Integers, Integers]:
+        """Return calls, whether they fade, values and rates; see `predict_own`."""
+        names = [lane.target for lane, *_ in self._rates]
+        firsts = [state for _, _, state, _ in self._rates]
+        at = [firsts[:k].count(state) * LANES for k, state in enumerate(firsts)]
+        calls = tuple(
+            np.array(part, dtype=np.int64)
+            for part in (
+                [lane.address for lane, *_ in self._rates],
+                [own for _, own, *_ in self._rates],
+                firsts,
+            )
+        )
+        fades = [name in r[0].arguments for name, r in zip(names, self._rates, strict=True)]
+        values = np.array(firsts, dtype=np.int64) + np.array(at, dtype=np.int64)
+        rates = values + LANES * np.array([r[3] for r in self._rates], dtype=np.int64)
+        return calls, np.array(fades, dtype=np.bool_), values, rates
+
+    def begin(self, signals: Array) -> None:
+        """Give own states that follow a state of the motor its value in the signals (S,)."""
+        for offset, place in self._begins:
+            self.table[0][offset : offset + LANES] = signals[place]
+
+    def advance(self, h: float) -> None:
+        """Carry own states on by `h` s under the signals that the laws were given last."""
+        if self._rates:
+            _advance_own(*self.table[:2], *self._own, h)
+
+
+@njit(cache=True, error_model='numpy')
+def evaluate_columns(buffer, base, calls, reads, signals, out):  # type: ignore[no-untyped-def]
+    """Write every column to `out` (C,) for a vector of signals; see `LawColumns.table`."""
+    if calls.shape[1] == 0:
+        return
+    for r in range(reads.shape[0]):
+        row = reads[r, 0] * LANES
+        for k in range(LANES):
+            buffer[row + k] = signals[reads[r, 1]]
+    laws = (calls[0], calls[1], calls[2])
+    at = 0
+    for i in range(calls.shape[1]):
+        row, wide = calls[_TARGET, i], calls[_WIDTH, i]
+        for k in range(wide):
+            buffer[row + k] = 0.0
+        call_all(wide, base, laws, i, i + 1)
+        for k in range(wide):
+            out[at + k] = buffer[row + k]
+        at += wide
+
+
+@njit(cache=True, error_model='numpy')
+def _advance_own(p, base, calls, fades, values, rates, h):  # type: ignore[no-untyped-def]
+    """Take the simulator's step of the own states; one that left all bounds begins anew."""
+    count = values.size
+    step, work = np.full(1, h), np.empty((3, 1))
+    old, old_rate, ahead = np.empty((3, count, 1))
+    evaluate_rates(1, p, base, calls, rates)
+    predict_own(1, p, base, calls, fades, values, rates, step, old, old_rate, ahead, work)
+    evaluate_rates(1, p, base, calls, rates)
+    correct_own(1, p, base, calls, fades, values, rates, step, old, old_rate, work)
+    for s in range(count):
+        value = p[values[s]] if abs(p[values[s]]) < _ABSURD else 0.0
+        for k in range(LANES):
+            p[values[s] + k] = value

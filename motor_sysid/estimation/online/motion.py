@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -20,23 +22,21 @@ _NEAR = 10.0
 _PER_BLOCK = (LANES - 1) // 2
 
 
-@dataclass(frozen=True)
-class Move:
-    """Where one sample leads.
+class Move(NamedTuple):
+    """Where one sample leads; the arrays are written anew by the next one.
 
     Attributes
     ----------
     state:
         (n,) state after it.
-    by_state, by_parameter:
-        (n, n) and (n, p) derivatives of that state.
+    slope:
+        (n, n + p) derivatives of that state by the state before and by the parameters.
     by_force:
         (n, m) change of that state by a constant torque or voltage of 1 SI unit.
     """
 
     state: Array
-    by_state: Array
-    by_parameter: Array
+    slope: Array
     by_force: Array
 
 
@@ -67,6 +67,8 @@ class Motion:
         self._memory = np.zeros(self._memory_rows.size)
         self._blocks: list[_Block] = []
         self._center, self._length = np.zeros(self._p), 0.0
+        self._used, self._fresh = np.zeros(self._n + self._p), True
+        self._slope = np.zeros((self._n, self._n + self._p))
 
     def set_values(self, values: Mapping[str, float]) -> None:
         """Change parameters that no derivative is taken by."""
@@ -75,8 +77,9 @@ class Motion:
         self._blocks = []
 
     def forget(self) -> None:
-        """Set the own states of effects to zero."""
+        """Set the own states of effects to where they begin."""
         self._memory[:] = 0.0
+        self._fresh = True
 
     def advance(
         self, x: Array, z: Array, steps: Array, u: Array, time: float, h: float
@@ -94,67 +97,99 @@ class Motion:
         time, h:
             Time at the start and length of the sample in s.
         """
-        n, p = self._n, self._p
-        away = z - self._center
-        near = abs(h - self._length) < _SAME and not (np.abs(away) > _NEAR * steps[n:]).any()
-        if not self._blocks or not near:
+        n = self._n
+        far = abs(h - self._length) >= _SAME or _is_far(z, self._center, steps[n:])
+        if far or not self._blocks:
             self._prepare(z, steps[n:], h)
-            away = np.zeros(p)
+        self._used[:n] = steps[:n]
         drive = Drive(u[np.newaxis, :], h, time)
-        ends, memory = np.empty((n, n + p, 2)), self._memory
+        memory = self._memory
         for block in self._blocks:
-            lanes = self._run(block, x, steps, drive, memory)
-            which = block.which
-            ends[:, which, :] = lanes[:, 1 : 1 + 2 * which.size].reshape(n, which.size, 2)
+            self._run(block, x, drive, memory)
+        self._fresh = False
         if memory.size:
-            rows = self._blocks[0].workspace.buffer.reshape(-1, LANES)
+            rows = block.workspace.buffer.reshape(-1, LANES)
             self._memory = rows[self._memory_rows, 0]
-        slope = (ends[:, :, 0] - ends[:, :, 1]) / (2 * self._used)
-        state = lanes[:, 0] + slope[:, n:] @ away
-        by_state, by_parameter = slope[:, :n].copy(), slope[:, n:].copy()
-        return Move(state, by_state, by_parameter, block.workspace.matrices[2][0, :, :, 0].copy())
+        state = _at(block.lanes, self._slope, z, self._center)
+        return Move(state, self._slope, block.workspace.by_force)
 
     def _prepare(self, z: Array, steps: Array, h: float) -> None:
         """Make the matrices of every block around the coordinates (p,)."""
         n, p = self._n, self._p
         self._center, self._length, self._blocks = z.copy(), h, []
-        self._used = np.concatenate((np.empty(n), steps))
+        self._used[n:] = steps
         for first in range(0, max(n + p, 1), _PER_BLOCK):
-            which = np.arange(first, min(first + _PER_BLOCK, n + p))
-            cloud = np.repeat(z[:, np.newaxis], LANES, axis=1)
-            for k in np.flatnonzero(which >= n):
-                cloud[which[k] - n, 1 + 2 * k] += steps[which[k] - n]
-                cloud[which[k] - n, 2 + 2 * k] -= steps[which[k] - n]
-            table = np.repeat(self._values[:, np.newaxis], LANES, axis=1)
+            last = min(first + _PER_BLOCK, n + p)
+            cloud = np.repeat(z[:, np.newaxis], 1 + 2 * (last - first), axis=1)
+            for k in range(max(first, n), last):
+                at = 1 + 2 * (k - first)
+                cloud[k - n, at] += steps[k - n]
+                cloud[k - n, at + 1] -= steps[k - n]
+            table = np.repeat(self._values[:, np.newaxis], cloud.shape[1], axis=1)
             table[self._rows] = self._moved.values(cloud.T).T
             workspace = self._program.workspace(table, h, delayed=False)
-            states = which[which < n]
-            self._blocks.append(_Block(which, states, 1 + 2 * np.arange(states.size), workspace))
+            self._blocks.append(_Block(first, last, np.empty((n, LANES)), workspace))
 
-    def _run(
-        self, block: '_Block', x: Array, steps: Array, drive: Drive, memory: Array
-    ) -> Array:
-        """Simulate the base and the differences of one block; returns (n, W) states."""
-        n = self._n
-        lanes = np.repeat(x[:, np.newaxis], LANES, axis=1)
-        k, state = block.moved, block.states
-        lanes[state, k] += steps[state]
-        lanes[state, k + 1] -= steps[state]
-        self._used[:n] = steps[:n]
+    def _run(self, block: '_Block', x: Array, drive: Drive, memory: Array) -> None:
+        """Simulate the base and the differences of one block."""
+        _set_lanes(block.lanes, x, self._used, block.first, block.last)
         if memory.size:
-            block.workspace.buffer.reshape(-1, LANES)[self._memory_rows] = memory[:, np.newaxis]
-        self._program.advance(block.workspace, lanes, drive, 1, _NO_OUTPUTS)
-        return lanes
+            rows = block.workspace.buffer.reshape(-1, LANES)
+            rows[self._memory_rows] = memory[:, np.newaxis]
+            if self._fresh:
+                self._program.begin(block.workspace, block.lanes)
+        self._program.advance(block.workspace, block.lanes, drive, 1, _NO_OUTPUTS)
+        _set_slopes(block.lanes, self._used, block.first, block.last, self._slope)
 
 
 @dataclass(frozen=True)
 class _Block:
-    """32 simulations: the directions (states, then parameters) of its differences, and memory.
+    """Simulations of the base (lane 0) and of differences, up and down, by directions.
 
-    The states among the directions are moved up in the columns `moved`, down in the next ones.
+    Directions `first` to `last` (exclusive) are states, then parameters; `lanes` (n, 32) are the
+    states of the motor.
     """
 
-    which: NDArray[np.intp]
-    states: NDArray[np.intp]
-    moved: NDArray[np.intp]
+    first: int
+    last: int
+    lanes: Array
     workspace: Workspace
+
+
+@njit(cache=True)
+def _is_far(z, center, steps):  # type: ignore[no-untyped-def]
+    far = False
+    for k in range(z.size):
+        far = far or abs(z[k] - center[k]) > _NEAR * steps[k]
+    return far
+
+
+@njit(cache=True)
+def _set_lanes(lanes, x, steps, first, last):  # type: ignore[no-untyped-def]
+    """Begin every lane at the state (n,), those that differ by a state a step away."""
+    for j in range(lanes.shape[0]):
+        for k in range(lanes.shape[1]):
+            lanes[j, k] = x[j]
+    for j in range(first, min(last, lanes.shape[0])):
+        lanes[j, 1 + 2 * (j - first)] += steps[j]
+        lanes[j, 2 + 2 * (j - first)] -= steps[j]
+
+
+@njit(cache=True)
+def _set_slopes(lanes, steps, first, last, slope):  # type: ignore[no-untyped-def]
+    """Write the central differences of one block to `slope` (n, n + p)."""
+    for j in range(lanes.shape[0]):
+        for k in range(first, last):
+            at = 1 + 2 * (k - first)
+            slope[j, k] = (lanes[j, at] - lanes[j, at + 1]) / (2 * steps[k])
+
+
+@njit(cache=True)
+def _at(lanes, slope, z, center):  # type: ignore[no-untyped-def]
+    """Return the state (n,) of the base, moved from the center to the coordinates (p,)."""
+    n = lanes.shape[0]
+    state = lanes[:, 0].copy()
+    for j in range(n):
+        for k in range(z.size):
+            state[j] += slope[j, n + k] * (z[k] - center[k])
+    return state

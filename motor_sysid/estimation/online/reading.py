@@ -1,69 +1,85 @@
-"""What a sensor shows beside its state and offset: the sensor laws of a model's effects."""
+"""What sensors show beside their states and offsets: the sensor laws of a model's effects."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.online.laws import LawColumns
-from motor_sysid.physics.effects import effect
+from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
+Integers = NDArray[np.int64]
+Table = tuple[Array, int, Integers, Integers, Integers, Array]
 
+_AT, _CHANNEL = 0, 1
 _STEP = 1e-4
 
 
-class Reading:
-    """The laws of one sensor that have no state of their own; filters in sensors are not undone.
+def readings(model: Model, outputs: Sequence[str], index: Mapping[str, int]) -> Table:
+    """Return the sensor laws of some outputs, as `add_shown` takes them.
+
+    A sensor with a memory, such as a filter, is left out: no estimator here follows it.
 
     Parameters
     ----------
     model:
         The model.
-    signal, state:
-        Output signal, and the state that it shows.
+    outputs:
+        Measured signals.
     index:
         Where estimated parameters lie in the state of the filter.
+
+    Returns
+    -------
+    The table of the laws (see `LawColumns`); (2, C) where the factor of each column lies in the
+    filter's state (-1: nowhere) and the output that it belongs to; (C,) factors that are held.
     """
+    sensors = [f'{signal}_sensor' for signal in outputs]
+    laws = LawColumns(model, sensors, model.kind.states, memory=False)
+    at = [index.get(c.name, -1) for c in laws.columns]
+    channel = [sensors.index(c.target) for c in laws.columns]
+    factors = [model[c.name] if c.name else 1.0 for c in laws.columns]
+    return *laws.table, np.array([at, channel], dtype=np.int64), np.array(factors, dtype=float)
 
-    def __init__(
-        self, model: Model, signal: str, state: str, index: Mapping[str, int]
-    ) -> None:
-        law = f'{signal}_sensor'
-        self._laws = [
-            LawColumns(model, effect(key), law)
-            for key in model.effects
-            if law in effect(key).laws and not effect(key).card.states
-        ]
-        self._state, self._index = state, index
-        names = [name for one in self._laws for name in one.names]
-        self._values = {name: model[name] for name in names}
 
-    def __bool__(self) -> bool:
-        """Tell whether there is any law."""
-        return bool(self._laws)
+@njit(cache=True, error_model='numpy')
+def add_shown(buffer, base, calls, reads, columns, factors, signals, x, out):  # type: ignore[no-untyped-def]
+    """Add to `out` (n_y,) what the laws show, with factors from the filter's state `x` (d,).
 
-    def shown(self, signals: Mapping[str, float], x: Array) -> float:
-        """Return what the laws add to the signal, with parameters from the filter's state `x`."""
-        total = 0.0
-        for law in self._laws:
-            columns = law.values(signals)
-            total += float(columns[-1])
-            for name, column in zip(law.names, columns.tolist(), strict=False):
-                at = self._index.get(name)
-                total += column * (self._values[name] if at is None else float(x[at]))
-        return total
+    `signals` begin with the states of the motor.
+    """
+    if factors.size == 0:
+        return
+    values = np.empty(factors.size)
+    evaluate_columns(buffer, base, calls, reads, signals, values)
+    for c in range(factors.size):
+        at = columns[_AT, c]
+        factor = x[at] if at >= 0 else factors[c]
+        out[columns[_CHANNEL, c]] += values[c] * factor
 
-    def slopes(self, signals: Mapping[str, float], x: Array) -> tuple[float, dict[int, float]]:
-        """Return the derivative by the state shown, and by estimated parameters (index: value)."""
-        step = _STEP * (1.0 + abs(signals[self._state]))
-        ahead = self.shown({**signals, self._state: signals[self._state] + step}, x)
-        by_state = (ahead - self.shown(signals, x)) / step
-        by_parameter = {
-            self._index[name]: float(column)
-            for law in self._laws
-            for name, column in zip(law.names, law.values(signals), strict=False)
-            if name in self._index
-        }
-        return by_state, by_parameter
+
+@njit(cache=True, error_model='numpy')
+def shown_slopes(buffer, base, calls, reads, columns, factors, x, state, shown, slopes):  # type: ignore[no-untyped-def]
+    """Set what the laws show, (n_y,), and its slopes, (n_y, d), at a filter's state `x` (d,).
+
+    `state` (n_y,) is the state that each output shows; the slope by it is a forward difference.
+    """
+    shown[:] = 0.0
+    slopes[:] = 0.0
+    if factors.size == 0:
+        return
+    values, ahead, moved = np.empty(factors.size), np.empty(shown.size), x.copy()
+    add_shown(buffer, base, calls, reads, columns, factors, x, x, shown)
+    for j in range(shown.size):
+        step = _STEP * (1.0 + abs(x[state[j]]))
+        moved[state[j]] = x[state[j]] + step
+        ahead[:] = 0.0
+        add_shown(buffer, base, calls, reads, columns, factors, moved, moved, ahead)
+        moved[state[j]] = x[state[j]]
+        slopes[j, state[j]] = (ahead[j] - shown[j]) / step
+    evaluate_columns(buffer, base, calls, reads, x, values)
+    for c in range(factors.size):
+        if columns[_AT, c] >= 0:
+            slopes[columns[_CHANNEL, c], columns[_AT, c]] += values[c]

@@ -14,8 +14,6 @@ correlation, with ``g`` the sum of ``x e`` over a block.  (Newey and West 1987,
 doi:10.2307/1913610.)
 """
 
-from collections import deque
-
 from numba import njit
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +25,8 @@ _BLOCKS = 200
 _OUTLIER = 16.0
 _TALLEST = 9.0
 _MOMENT = 100.0
+
+_TOP, _VARIANCE, _COUNT = range(3)
 
 
 class Regression:
@@ -43,95 +43,83 @@ class Regression:
 
     Attributes
     ----------
-    coefficients:
-        (d,) estimate.
+    coefficients, prior:
+        (d,) estimate, and standard deviations before any data.
+    state:
+        What `learn` takes: coefficients, prior, (d, d) information, (d,) information that never
+        goes, (3,) largest value, variance of the error and number of samples, (d + 1, d + 1)
+        moments of the present block, (200, d + 1, d + 1) those of the last blocks, (2,) weight of
+        a sample that is one sample old, and samples of a block.
     """
 
     def __init__(self, start: Array, sigma: Array, keep: float, block: int) -> None:
-        self.coefficients, self.prior = start.copy(), sigma.copy()
-        self._keep, self._size = keep, block
-        self._top = self._variance = 0.0
         d = start.size
-        self._information = np.zeros((d, d))
-        self._floor = np.zeros(d)
-        self._blocks: deque[tuple[int, Array]] = deque(maxlen=_BLOCKS)
-        self._moments = np.zeros((d + 1, d + 1))
-        self._samples = 0
+        self.coefficients, self.prior = start.copy(), sigma.copy()
+        self._floor, self._numbers = np.zeros(d), np.zeros(3)
+        self.state = (
+            self.coefficients, self.prior, np.zeros((d, d)), self._floor, self._numbers,
+            np.zeros((d + 1, d + 1)), np.zeros((_BLOCKS, d + 1, d + 1)),
+            np.array([keep, float(block)]),
+        )  # fmt: skip
 
     def widen(self, sigma: Array) -> None:
         """Know less beforehand: raise the standard deviations to `sigma` where it is larger."""
-        self.prior = np.maximum(self.prior, sigma)
-        self._set_floor()
-
-    def _set_floor(self) -> None:
-        """One sample whose error is a tenth of the largest ever seen, spent on the prior."""
-        self._floor = (_PRIOR_NOISE * self._top / self.prior) ** 2
+        self.prior[:] = np.maximum(self.prior, sigma)
+        self._floor[:] = (_PRIOR_NOISE * self._numbers[_TOP] / self.prior) ** 2
 
     def update(self, x: Array, y: float) -> None:
         """Take regressors (d,) and the value that they explain."""
-        if abs(y) > 1.1 * self._top:
-            first = self._top == 0.0
-            self._top = abs(y)
-            self._set_floor()
-            if first:
-                self._information = np.diag(self._floor)
-                self._variance = (_PRIOR_NOISE * y) ** 2
-        if self._top == 0.0:
-            return
-        weight = self._weight(y - float(x @ self.coefficients))
-        _update(
-            self._information, self.coefficients, self._moments, self._floor, x, y, weight,
-            self._keep,
-        )  # fmt: skip
-        self._samples += 1
-        if self._samples % self._size == 0:
-            self._blocks.append((self._samples, self._moments))
-            self._moments = np.zeros_like(self._moments)
-
-    def _weight(self, error: float) -> float:
-        """Return a weight that falls with the square of an error beyond four times the usual."""
-        relative = error * error / self._variance
-        self._variance *= 1 + (min(relative, _TALLEST) - 1) / _MOMENT
-        return min(1.0, _OUTLIER / max(relative, 1e-300))
+        learn(*self.state, x, y)
 
     def covariance(self) -> Array:
         """Return the (d, d) covariance of the coefficients."""
-        if self._top == 0.0:
+        if self._numbers[_TOP] == 0.0:
             return np.diag(self.prior**2)
-        inverse = np.linalg.inv(self._information)
-        pull = inverse * (self._floor * self.prior)
-        whole = inverse @ self._score() @ inverse + pull @ pull.T
-        return np.asarray(0.5 * (whole + whole.T))
-
-    def _score(self) -> Array:
-        """Return the variance of ``sum x e``: by blocks, or before there are enough by guess."""
-        d, c = self.coefficients.size, self.coefficients
-        if len(self._blocks) < 2 * d + 4:
-            return self._guess()
-        age = self._samples - np.array([when for when, _ in self._blocks])
-        moments = np.array([block for _, block in self._blocks])
-        score = moments[:, :d, d] - moments[:, :d, :d] @ c
-        score = score * self._keep**age[:, np.newaxis]
-        return np.asarray(score.T @ score * len(self._blocks) / (len(self._blocks) - d))
-
-    def _guess(self) -> Array:
-        """Take every block for one independent sample, and the error as it is."""
-        moments = self._moments + sum(block for _, block in self._blocks)
-        ends = np.append(-self.coefficients, 1.0)
-        count = max(self._samples - self.coefficients.size, 1)
-        variance = max(float(ends @ moments @ ends), 0.0) / count
-        return np.asarray((variance * self._size + 1e-12 * self._top**2) * self._information)
+        return np.asarray(_covariance(*self.state))
 
 
 @njit(cache=True)
-def _update(  # type: ignore[no-untyped-def]
-    information, coefficients, moments, floor, x, y, weight, keep
+def learn(  # type: ignore[no-untyped-def]
+    coefficients, prior, information, floor, numbers, moments, blocks, settings, x, y
 ):
-    """Add a weighted sample, in place."""
+    """Take one sample, in place: regressors (d,) and the value that they explain.
+
+    What is never forgotten is one sample whose error is a tenth of the largest value ever seen,
+    spent on the prior.  The weight falls with the square of an error beyond four times the usual.
+    """
     d = x.size
+    if abs(y) > 1.1 * numbers[_TOP]:
+        first = numbers[_TOP] == 0.0
+        numbers[_TOP] = abs(y)
+        for i in range(d):
+            floor[i] = (_PRIOR_NOISE * numbers[_TOP] / prior[i]) ** 2
+            if first:
+                information[i, i] = floor[i]
+        if first:
+            numbers[_VARIANCE] = (_PRIOR_NOISE * y) ** 2
+    if numbers[_TOP] == 0.0:
+        return
     error = y
     for i in range(d):
         error -= x[i] * coefficients[i]
+    relative = error * error / numbers[_VARIANCE]
+    numbers[_VARIANCE] *= 1 + (min(relative, _TALLEST) - 1) / _MOMENT
+    weight = min(1.0, _OUTLIER / max(relative, 1e-300))
+    _add(information, moments, floor, x, y, weight, settings[0])
+    gain = np.linalg.solve(information, x)
+    for i in range(d):
+        coefficients[i] += gain[i] * weight * error
+    numbers[_COUNT] += 1
+    if numbers[_COUNT] % settings[1] == 0:
+        blocks[(int(numbers[_COUNT] / settings[1]) - 1) % _BLOCKS] = moments
+        moments[:] = 0.0
+
+
+@njit(cache=True)
+def _add(information, moments, floor, x, y, weight, keep):  # type: ignore[no-untyped-def]
+    """Add a weighted sample to the information and to the moments of the block."""
+    d = x.size
+    for i in range(d):
         for j in range(d):
             information[i, j] = keep * information[i, j] + weight * x[i] * x[j]
             moments[i, j] += weight * x[i] * x[j]
@@ -139,6 +127,61 @@ def _update(  # type: ignore[no-untyped-def]
         moments[i, d] += weight * x[i] * y
         moments[d, i] = moments[i, d]
     moments[d, d] += weight * y * y
-    gain = np.linalg.solve(information, x)
+
+
+@njit(cache=True)
+def _covariance(  # type: ignore[no-untyped-def]
+    coefficients, prior, information, floor, numbers, moments, blocks, settings
+):
+    """Return the sandwich, and what the information that never goes pulls towards the prior."""
+    d = coefficients.size
+    inverse = np.linalg.inv(information)
+    score = _score(coefficients, information, numbers, moments, blocks, settings)
+    pull = inverse * (floor * prior)
+    whole = inverse @ score @ inverse + pull @ pull.T
     for i in range(d):
-        coefficients[i] += gain[i] * weight * error
+        for j in range(i):
+            whole[i, j] = 0.5 * (whole[i, j] + whole[j, i])
+            whole[j, i] = whole[i, j]
+    return whole
+
+
+@njit(cache=True)
+def _score(coefficients, information, numbers, moments, blocks, settings):  # type: ignore[no-untyped-def]
+    """Return the variance of ``sum x e``: by blocks, or before there are enough by guess."""
+    d, size = coefficients.size, int(settings[1])
+    done = int(numbers[_COUNT]) // size
+    count = min(done, _BLOCKS)
+    if count < 2 * d + 4:
+        return _guess(coefficients, information, numbers, moments, blocks[:count], settings)
+    score, g = np.zeros((d, d)), np.empty(d)
+    fade = settings[0] ** size
+    weight = settings[0] ** (int(numbers[_COUNT]) - size * done)
+    for back in range(count):
+        block = blocks[(done - 1 - back) % _BLOCKS]
+        for i in range(d):
+            g[i] = block[i, d]
+            for j in range(d):
+                g[i] -= block[i, j] * coefficients[j]
+            g[i] *= weight
+        for i in range(d):
+            for j in range(d):
+                score[i, j] += g[i] * g[j]
+        weight *= fade
+    return score * (count / (count - d))
+
+
+@njit(cache=True)
+def _guess(coefficients, information, numbers, moments, blocks, settings):  # type: ignore[no-untyped-def]
+    """Take every block for one independent sample, and the error as it is."""
+    d, power = coefficients.size, 0.0
+    for i in range(d + 1):
+        for j in range(d + 1):
+            total = moments[i, j]
+            for block in range(blocks.shape[0]):
+                total += blocks[block, i, j]
+            left = -coefficients[i] if i < d else 1.0
+            right = -coefficients[j] if j < d else 1.0
+            power += left * total * right
+    variance = max(power, 0.0) / max(numbers[_COUNT] - d, 1.0)
+    return (variance * settings[1] + 1e-12 * numbers[_TOP] ** 2) * information

@@ -10,9 +10,10 @@ from motor_sysid.estimation.online.base import Estimate, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.despike import Despiker, Sample
 from motor_sysid.estimation.online.equation import Equation, offsets
-from motor_sysid.estimation.online.regressors import End, Regressors
+from motor_sysid.estimation.online.regressors import Regressors
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.parameters import Parameter
 
 Array = NDArray[np.float64]
 Found = dict[str, tuple[float, float, float]]
@@ -57,7 +58,9 @@ class Regressions:
         self._prior: dict[str, float] = {}
         self._found: Found = {}
         self._count, self._fresh = 0, True
+        self._boxes = {p.name: _sensible_box(p) for p in model.parameters}
         self.used: dict[str, float] = {}
+        self._drives = [1.0] * len(self._balances)
         self._use({})
 
     def restart(self, y: Array) -> None:
@@ -76,23 +79,21 @@ class Regressions:
         ready = self._despiker.push(sample)
         if ready is None:
             return False
-        known = {name: found[0] for name, found in self._found.items()}
-        pair = self._regressors.take(ready, known)
-        if pair is None:
+        if not self._regressors.take(ready):
             self._fresh = True
             return False
         if self._fresh:
             for equation in self._equations:
-                equation.restart(pair[0])
+                equation.restart(self._regressors.measured[0], self._regressors.tracked[0])
             self._fresh = False
-        return sizes is not None and self._learn(*pair, ready.length, sizes)
+        return sizes is not None and self._learn(ready.length, sizes)
 
-    def _learn(self, first: End, last: End, h: float, sizes: Sizes) -> bool:
+    def _learn(self, h: float, sizes: Sizes) -> bool:
         if sizes is not self._sizes:
             self._sizes, self._prior = sizes, _prior(self.model, sizes, self._dt)
-        for equation, balance in zip(self._equations, self._balances, strict=True):
-            drive = self._drive(balance.drive.parameter, self._found)[0]
-            equation.step(first, last, h, drive, self._prior)
+        measured, tracked = self._regressors.measured, self._regressors.tracked
+        for equation, drive in zip(self._equations, self._drives, strict=True):
+            equation.step(measured, tracked, h, drive, self._prior)
         self._count += 1
         if self._count % _GATHERED:
             return False
@@ -106,6 +107,9 @@ class Regressions:
         table = {**self.model.parameters.values(), **self.used}
         a = self.model.kind.matrices({name: np.array([v]) for name, v in table.items()})[0][0]
         self._regressors.set_dynamics(a)
+        self._regressors.set_offsets({name: value for name, (value, *_) in self._found.items()})
+        names = [balance.drive.parameter for balance in self._balances]
+        self._drives = [self._drive(name, self._found)[0] for name in names]
 
     def _drive(self, name: str, found: Found) -> tuple[float, float]:
         """Return value and standard deviation of a drive's parameter."""
@@ -132,10 +136,7 @@ class Regressions:
 
     def _inside(self, name: str, value: float) -> float:
         """Return the value in its box, and no absurd one of what must be positive."""
-        p = self.model.parameters[name]
-        lower, upper = p.lower, p.upper
-        if Coordinates([p]).log[0]:
-            lower, upper = max(lower, p.value / _REACH), min(upper, p.value * _REACH)
+        lower, upper = self._boxes[name]
         return min(max(value, lower), upper)
 
     def estimate(self) -> dict[str, Estimate]:
@@ -160,6 +161,12 @@ class Regressions:
             whole[at : at + len(part), at : at + len(part)] = part
             at += len(part)
         return whole
+
+
+def _sensible_box(p: Parameter) -> tuple[float, float]:
+    if Coordinates([p]).log[0]:
+        return max(p.lower, p.value / _REACH), min(p.upper, p.value * _REACH)
+    return p.lower, p.upper
 
 
 def _prior(model: Model, sizes: Sizes, dt: float) -> dict[str, float]:

@@ -2,33 +2,18 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 import math
-from typing import NamedTuple
 
+from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.despike import Sample
-from motor_sysid.estimation.online.reading import Reading
+from motor_sysid.estimation.online.reading import add_shown, readings
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors.base import Motor
 
 Array = NDArray[np.float64]
-Signals = dict[str, float]
-
-
-class End(NamedTuple):
-    """The signals at one end of a sample.
-
-    Attributes
-    ----------
-    measured:
-        For the terms of a balance: what the sensors say, in the form that belongs to the filter.
-    tracked:
-        For the laws, which may be steep: states without the rounding of an encoder.
-    """
-
-    measured: Signals
-    tracked: Signals
 
 RAW = 'raw '
 """Before the name of a state: as measured, its sensor's estimated offset not taken off."""
@@ -36,6 +21,15 @@ RAW = 'raw '
 _PATIENCE = 3
 _NONE = np.empty(0)
 _SLOW = 1e-2
+
+
+def signal_names(kind: Motor) -> tuple[str, ...]:
+    """Return the names of the signals of a motor kind in the order of their vector.
+
+    They are states, inputs, the time, states as measured, and rates of change of the states.
+    """
+    raw, rates = [RAW + state for state in kind.states], [f'd{state}' for state in kind.states]
+    return (*kind.states, *kind.arguments, 't', *raw, *rates)
 
 
 class Regressors:
@@ -55,22 +49,37 @@ class Regressors:
         The model.
     outputs:
         Measured signals.
+
+    Attributes
+    ----------
+    measured:
+        (2, S) signals at the start and the end of the sample taken last, for the terms of a
+        balance: what the sensors say, in the form that belongs to the filter.  Rates of change
+        are not among them.
+    tracked:
+        (2, S) the same for the laws, which may be steep: with states from a filter, without the
+        rounding of an encoder.
     """
 
     def __init__(self, model: Model, outputs: Sequence[str]) -> None:
         kind = model.kind
-        self._inputs, self._states = kind.arguments, kind.states
-        known = {o.signal: o for o in kind.outputs}
-        self._column = {known[s].state: j for j, s in enumerate(outputs)}
-        biases = {known[s].state: known[s].bias for s in outputs}
-        self._bias = {state: bias for state, bias in biases.items() if bias}
-        self._fixed = {b: model[b] for b in self._bias.values() if not model.parameters[b].free}
-        readings = {known[s].state: Reading(model, s, known[s].state, {}) for s in outputs}
-        self._readings = {state: one for state, one in readings.items() if one}
+        states = kind.states
+        self._title, self._inputs, self._states = kind.title, kind.arguments, states
+        shown = {o.state: outputs.index(o.signal) for o in kind.outputs if o.signal in outputs}
+        self._bias = {o.state: o.bias for o in kind.outputs if o.bias and o.state in shown}
+        self._column = np.array([shown.get(state, -1) for state in states], dtype=np.int64)
         difference = model.speed_sensor is SpeedSensor.DIFFERENCE
-        self._mean_speed = difference or 'omega' not in self._column
-        self._title, self._rates = kind.title, dict.fromkeys(self._column, 0.0)
-        self._pull: dict[str, Array] = {}
+        mean_speed = int(difference or 'omega' not in shown)
+        self._motion = np.array([states.index('omega'), states.index('theta'), mean_speed])
+        self._offset = np.zeros((2, len(states)))
+        for state, bias in self._bias.items():
+            if not model.parameters[bias].free:
+                self._offset[:, states.index(state)] = model[bias]
+        self._readings = readings(model, outputs, {})
+        self._rates, self._pull = np.zeros(len(states)), np.zeros((len(states), len(states)))
+        self.measured = np.zeros((2, len(signal_names(kind))))
+        self.tracked = np.zeros_like(self.measured)
+        self._angle = np.zeros(1)
         self.restart(np.full(len(outputs), np.nan))
 
     def require(self, names: Iterable[str]) -> None:
@@ -81,9 +90,11 @@ class Regressors:
         UserError
             With the name and the remedies.
         """
-        have = {*self._column, *self._inputs}
+        seen = [s for s, column in zip(self._states, self._column, strict=True) if column >= 0]
+        have = {*seen, *self._inputs}
         if 'theta' in have or 'omega' in have:
             have |= {'theta', 'omega'}
+        have |= {f'd{state}' for state in have & set(self._states)}
         missing = sorted(set(names) - have)
         if missing:
             raise UserError(
@@ -93,83 +104,132 @@ class Regressors:
 
     def set_dynamics(self, a: Array) -> None:
         """Set the system matrix (n, n) of the linear core."""
-        rates = dict(zip(self._states, np.maximum(-np.diag(a), 0.0).tolist(), strict=True))
-        self._rates = {state: rates[state] for state in self._column}
-        pull = a - np.diag(np.diag(a))
-        self._pull = {s: pull[self._states.index(s)] / max(r, 1e-300) for s, r in rates.items()}
+        self._rates = np.maximum(-np.diag(a), 0.0)
+        self._pull = (a - np.diag(np.diag(a))) / np.maximum(self._rates, 1e-300)[:, np.newaxis]
+
+    def set_offsets(self, known: Mapping[str, float]) -> None:
+        """Set the present estimates of sensor offsets."""
+        for state, bias in self._bias.items():
+            if bias in known:
+                self._offset[1, self._states.index(state)] = known[bias]
 
     def restart(self, y: Array) -> None:
         """Begin at measured outputs."""
         self._last = np.where(np.isfinite(y), y, 0.0)
         self._missing = int(not np.all(np.isfinite(y))) * (_PATIENCE + 1)
-        self._angle = 0.0
-        if 'theta' in self._column:
-            self._angle = float(self._last[self._column['theta']])
+        column = self._column[self._motion[1]]
+        self._angle[0] = self._last[column] if column >= 0 else 0.0
 
-    def take(self, sample: Sample, known: Mapping[str, float]) -> tuple[End, End] | None:
-        """Return the signals at the start and the end of a sample, or None after a dropout.
+    def take(self, sample: Sample) -> bool:
+        """Set the signals from a sample, whose outputs are NaN where missing.
 
-        Parameters
-        ----------
-        sample:
-            The sample; its outputs are NaN where missing.
-        known:
-            Present estimates of sensor offsets.
+        Returns
+        -------
+        Whether they are of use: not after a dropout.
         """
-        fine = bool(np.all(np.isfinite(sample.y)))
+        before, self._last = self._last, self._last.copy()
+        fine = _set_ends(
+            sample.y, before, self._last, self._column, self._offset, *self._readings,
+            self.measured,
+        )  # fmt: skip
+        _bend(
+            self.measured, self.tracked, sample.u, sample.time, sample.length, sample.before,
+            sample.after, self._column, self._rates, self._pull, self._motion, self._angle,
+        )  # fmt: skip
         self._missing = 0 if fine else self._missing + 1
-        before, now = self._last, np.where(np.isfinite(sample.y), sample.y, self._last)
-        self._last = now
-        first, last = self._signals(before, known), self._signals(now, known)
-        inputs = dict(zip(self._inputs, sample.u.tolist(), strict=True))
-        first.update(inputs, t=sample.time)
-        last.update(inputs, t=sample.time + sample.length)
-        self._bend(first, last, sample)
-        self._add_motion(first, last, sample.length)
-        if self._missing > _PATIENCE:
-            return None
-        return self._end(first, sample.before), self._end(last, sample.after)
+        return self._missing <= _PATIENCE
 
-    def _end(self, signals: Signals, state: Array) -> End:
-        return End(signals, {**signals, **dict(zip(self._states, state.tolist(), strict=True))})
 
-    def _signals(self, y: Array, known: Mapping[str, float]) -> Signals:
-        found: Signals = {}
-        for state, j in self._column.items():
-            value, bias = float(y[j]), self._bias.get(state, '')
-            found[RAW + state] = value - self._fixed.get(bias, 0.0)
-            found[state] = value - (self._fixed.get(bias, 0.0) or known.get(bias, 0.0))
-        for state, reading in self._readings.items():
-            more = reading.shown(found, _NONE)
-            found[state], found[RAW + state] = found[state] - more, found[RAW + state] - more
-        return found
+@njit(cache=True, error_model='numpy')
+def _set_ends(  # type: ignore[no-untyped-def]
+    y, before, now, column, offset, buffer, base, calls, reads, columns, factors, ends
+):  # fmt: skip
+    """Set states and raw states at both ends (2, S) from the outputs there.
 
-    def _bend(self, first: Signals, last: Signals, sample: Sample) -> None:
-        """Shift the line of each state so that its mean is that of the exponential.
+    Parameters
+    ----------
+    y, before, now:
+        (n_y,) outputs, those of the sample before, and both in one: `now` holds `before`, and is
+        given what was measured.
+    column, offset:
+        (n,) output that shows each state, -1 for none; (2, n) sensor offsets to take off: raw
+        (only the held ones), and all.
 
-        What the other states pull it along in the sample is straight, the rest is exponential.
-        """
-        for state, rate in self._rates.items():
-            a = rate * sample.length
-            if a > _SLOW:
-                share = -1 / math.expm1(-a) - 1 / a - 0.5
-                pulled = float(self._pull[state] @ (sample.after - sample.before))
-                shift = share * (last[state] - first[state] - pulled)
-                for name in (state, RAW + state):
-                    first[name] += shift
-                    last[name] += shift
+    Returns
+    -------
+    Whether every output was measured.
+    """
+    n, fine = column.size, True
+    raw = ends.shape[1] - 2 * n
+    for j in range(y.size):
+        if math.isfinite(y[j]):
+            now[j] = y[j]
+        else:
+            fine = False
+    more = np.empty(y.size)
+    for end in range(2):
+        for s in range(n):
+            value = 0.0
+            if column[s] >= 0:
+                value = before[column[s]] if end == 0 else now[column[s]]
+            ends[end, raw + s] = value - offset[0, s]
+            ends[end, s] = value - offset[1, s]
+        more[:] = 0.0
+        add_shown(buffer, base, calls, reads, columns, factors, ends[end], _NONE, more)
+        for s in range(n):
+            if column[s] >= 0:
+                ends[end, raw + s] -= more[column[s]]
+                ends[end, s] -= more[column[s]]
+    return fine
 
-    def _add_motion(self, first: Signals, last: Signals, h: float) -> None:
-        """Add the speed from the position, or the position from the speed."""
-        if 'omega' not in self._column and 'theta' in self._column:
-            last['omega'] = (last['theta'] - first['theta']) / h
-        if 'omega' in last and self._mean_speed:
-            first['omega'] = last['omega']
-        if 'theta' not in self._column and 'omega' in last:
-            first['theta'] = self._angle
-            self._angle += 0.5 * h * (first['omega'] + last['omega'])
-            last['theta'] = self._angle
-        for name in ('omega', 'theta'):
-            for signals in (first, last):
-                if name in signals:
-                    signals[RAW + name] = signals[name]
+
+@njit(cache=True, error_model='numpy')
+def _bend(  # type: ignore[no-untyped-def]
+    ends, tracked, u, time, h, before, after, column, rates, pull, motion, angle
+):
+    """Give both ends (2, S) time, input and motion, and measured states the line of their mean.
+
+    What the other states pull a state along in the sample is straight, the rest is exponential.
+    `before` and `after` (n,) are the states at the ends as a filter knows them, `rates` (n,) and
+    `pull` (n, n) the diagonal of the system matrix and the rest of it over the diagonal; `motion`
+    tells where omega and theta are and whether the speed is a mean.
+    """
+    n = column.size
+    raw, rate = ends.shape[1] - 2 * n, ends.shape[1] - n
+    for end in range(2):
+        for k in range(u.size):
+            ends[end, n + k] = u[k]
+        ends[end, n + u.size] = time + end * h
+    for s in range(n):
+        a = rates[s] * h
+        if column[s] >= 0 and a > _SLOW:
+            share = -1 / math.expm1(-a) - 1 / a - 0.5
+            pulled = 0.0
+            for k in range(n):
+                pulled += pull[s, k] * (after[k] - before[k])
+            shift = share * (ends[1, s] - ends[0, s] - pulled)
+            for at in (s, raw + s):
+                ends[0, at] += shift
+                ends[1, at] += shift
+    _add_motion(ends, h, column, motion, angle)
+    tracked[:] = ends
+    for s in range(n):
+        tracked[0, s], tracked[1, s] = before[s], after[s]
+        tracked[:, rate + s] = (after[s] - before[s]) / h
+
+
+@njit(cache=True, error_model='numpy')
+def _add_motion(ends, h, column, motion, angle):  # type: ignore[no-untyped-def]
+    """Add the speed from the position, or the position from the speed."""
+    omega, theta, mean_speed = motion
+    if column[omega] < 0 and column[theta] >= 0:
+        ends[1, omega] = (ends[1, theta] - ends[0, theta]) / h
+    if mean_speed:
+        ends[0, omega] = ends[1, omega]
+    if column[theta] < 0:
+        ends[0, theta] = angle[0]
+        angle[0] += 0.5 * h * (ends[0, omega] + ends[1, omega])
+        ends[1, theta] = angle[0]
+    raw = ends.shape[1] - 2 * column.size
+    for s in (omega, theta):
+        ends[0, raw + s], ends[1, raw + s] = ends[0, s], ends[1, s]

@@ -30,74 +30,76 @@ class Trust:
     ----------
     channels:
         How many.
+
+    Attributes
+    ----------
+    table:
+        (8, channels) what `see` and `judge` take and change.
     """
 
     def __init__(self, channels: int) -> None:
-        self._table = np.zeros((8, channels))
-        self._table[_POWER] = 1.0
-        self._table[_QUANTUM] = np.inf
-        self._table[_BEFORE] = np.nan
+        self.table = np.zeros((8, channels))
+        self.table[_POWER] = 1.0
+        self.table[_QUANTUM] = np.inf
+        self.table[_BEFORE] = np.nan
 
     @property
     def variance(self) -> Array:
         """Noise variance of each channel."""
-        return np.asarray(self._table[_NOISE])
+        return np.asarray(self.table[_NOISE])
 
     def guess(self, variance: Array) -> None:
         """Set the noise of channels that were never measured yet."""
-        fresh = self._table[_COUNT] == 0
-        self._table[_NOISE, fresh] = variance[fresh]
+        fresh = self.table[_COUNT] == 0
+        self.table[_NOISE, fresh] = variance[fresh]
 
     def forget_last(self) -> None:
         """Compare the next sample with none before it."""
-        self._table[_BEFORE] = np.nan
-        self._table[_SUSPECT] = 0.0
-
-    def see(self, values: Array) -> None:
-        """Note the smallest change of each channel: noise is not less than rounding."""
-        table = self._table
-        change = np.abs(values - table[_BEFORE])
-        smaller = (change > 1e-9 * np.abs(values)) & (change < table[_QUANTUM])
-        table[_QUANTUM, smaller] = change[smaller]
-        table[_BEFORE] = values
-
-    def judge(
-        self, rows: NDArray[np.intp], innovation: Array, spread: Array
-    ) -> tuple[Array, NDArray[np.bool_], bool]:
-        """Learn from an innovation.
-
-        Parameters
-        ----------
-        rows:
-            (k,) channels.
-        innovation, spread:
-            (k,) measured minus predicted, and its variance without noise.
-
-        Returns
-        -------
-        noise, spike, doubt:
-            (k,) noise variances, larger for spikes; (k,) which are spikes; whether the filter
-            trusts itself too much.
-        """
-        noise, spike = np.empty(rows.size), np.zeros(rows.size, dtype=np.bool_)
-        doubt = _judge(self._table, rows, innovation, spread, noise, spike)
-        return noise, spike, bool(doubt)
+        self.table[_BEFORE] = np.nan
+        self.table[_SUSPECT] = 0.0
 
 
 @njit(cache=True, error_model='numpy')
-def _judge(table, rows, innovation, spread, noise, spike):  # type: ignore[no-untyped-def]
-    doubt = False
+def see(table, values):  # type: ignore[no-untyped-def]
+    """Note the smallest change of each channel (n_y,): noise is not less than rounding."""
+    for j in range(values.size):
+        change = abs(values[j] - table[_BEFORE, j])
+        if 1e-9 * abs(values[j]) < change < table[_QUANTUM, j]:
+            table[_QUANTUM, j] = change
+        table[_BEFORE, j] = values[j]
+
+
+@njit(cache=True, error_model='numpy')
+def judge(table, rows, innovation, spread):  # type: ignore[no-untyped-def]
+    """Learn from an innovation.
+
+    Parameters
+    ----------
+    table:
+        What is known so far, (8, channels).
+    rows:
+        (k,) channels.
+    innovation, spread:
+        (k,) measured minus predicted, and (k, k) its variance without noise.
+
+    Returns
+    -------
+    noise, spike, doubt:
+        (k,) noise variances, larger for spikes; (k,) which are spikes; whether the filter
+        trusts itself too much.
+    """
+    noise, spike, doubt = np.empty(rows.size), np.zeros(rows.size, dtype=np.bool_), False
     for k in range(rows.size):
         row, value = rows[k], innovation[k]
         floor = table[_QUANTUM, row] ** 2 / 12 if table[_QUANTUM, row] < np.inf else 0.0
         variance = max(table[_NOISE, row], floor)
-        total = spread[k] + variance
+        total = spread[k, k] + variance
         half = 0.5 * (value - table[_LAST, row]) ** 2
         excess = half / total / _SPIKE
         if excess > 1 and table[_SUSPECT, row] == 0.0:
             table[_SUSPECT, row] = 1.0
             spike[k] = True
-            noise[k] = excess * total - spread[k]
+            noise[k] = excess * total - spread[k, k]
             continue
         table[_SUSPECT, row] = 0.0
         noise[k] = variance
@@ -111,4 +113,4 @@ def _judge(table, rows, innovation, spread, noise, spike):  # type: ignore[no-un
         table[_MEAN, row] += (step - table[_MEAN, row]) / _MOMENT
         biased = 2 * _MOMENT * table[_MEAN, row] ** 2 > _BIAS
         doubt = doubt or biased or table[_POWER, row] > _LARGE
-    return doubt
+    return noise, spike, doubt
