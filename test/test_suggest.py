@@ -236,6 +236,21 @@ def test_rivals_come_from_names_or_from_a_diagnosis() -> None:
         rivals_of({})
 
 
+def test_a_special_case_beside_its_general_form_is_refused(crawled) -> None:
+    record, model = crawled
+    sets = parse_rivals(['coulomb_friction+asymmetric_coulomb_friction', 'none'])
+    with pytest.raises(UserError, match='`coulomb_friction` is a special case of another effect'):
+        fit_rivals(model, sets, [record])
+
+
+def test_an_effect_that_would_push_where_it_must_brake_is_no_rival() -> None:
+    """Drag that grows less than with speed looks like negative quadratic drag."""
+    record = forward(MOTOR._replace(tau_plus=8e-3, tau_minus=8e-3))
+    base = fit_model([record]).model
+    with pytest.raises(UserError, match='`quadratic_drag` is no rival'):
+        fit_rivals(base, parse_rivals(['quadratic_drag', 'coulomb_friction']), [record])
+
+
 def test_limits_are_what_the_motor_has_done_unless_given(crawled) -> None:
     record, model = crawled
     limits = limits_of([record], model.kind, current=2.0, time=None)

@@ -116,6 +116,7 @@ def _determination(stage: Stage, gain: Gain | None, asked: Sequence[str]) -> Exp
     reasons = words.combination(gain.after)
     if not gain.decides:
         summary = words.not_sharpened(gain, asked)
+        reasons = (*reasons, words.at_best(gain, asked))
         return Experiment(False, purpose, summary, reasons, stage.limits, sharpenings=sharper)
     summary = words.sharpened(gain, asked)
     return _experiment(stage, gain, purpose, summary, reasons, sharpenings=sharper)

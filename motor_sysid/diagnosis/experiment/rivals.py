@@ -79,7 +79,16 @@ def fit_rivals(
     for one in sets:
         tell(f'fitting the rival {" + ".join(one) or "without an effect more"}')
         fitted.append(fit_model(records, model=slim, effects=one).model)
-        missing = [key for key in one if key not in fitted[-1].effects]
-        if missing:
-            raise UserError(f'`{missing[0]}` is a special case of another effect of the rival')
+        for key in one:
+            if key not in fitted[-1].effects:
+                raise UserError(_why_not(key, one))
     return tuple(fitted)
+
+
+def _why_not(key: str, others: Sequence[str]) -> str:
+    if any(key in effect(other).card.generalises for other in others):
+        return f'`{key}` is a special case of another effect of the rival; leave it out'
+    return (
+        f'`{key}` is no rival: in these data it would have a sign that physics forbids; leave it '
+        'out, or give data that show it'
+    )

@@ -136,6 +136,11 @@ def sharpened(gain: Gain, names: Sequence[str]) -> str:
     )
 
 
+def at_best(gain: Gain, names: Sequence[str]) -> str:
+    """Say what the best experiment would bring all the same."""
+    return f'The best one only {sharpened(gain, names)}; repeat it if that is worth the time.'
+
+
 def spread(share: float) -> str:
     """Return a relative standard deviation in percent, or that it is unknown."""
     return 'unknown' if share > 1.0 else f'{100 * share:.2g} %'
