@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Sequence
 from functools import partial
+import math
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -42,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--effects', nargs='+', metavar='EFFECT', help='look only for these; default: all'
     )
     parser.add_argument(
-        '--runs', type=int, default=200, metavar='N', help='complete-model runs (default: 200)'
+        '--runs', type=int, default=300, metavar='N', help='complete-model runs (default: 300)'
     )
     parser.add_argument(
         '--alpha', type=float, default=0.01, metavar='RATE',
@@ -94,7 +95,7 @@ def _refuse(args: argparse.Namespace) -> None:
     if args.runs < FEWEST:
         raise UserError(
             f'--runs {args.runs} tells nothing about rare events; make it at least {FEWEST}, '
-            'better 200'
+            'better 300'
         )
     if not 0.0 < args.alpha < 1.0:
         raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
@@ -173,37 +174,43 @@ def _runs(plan: 'Plan', args: argparse.Namespace) -> 'list[Chance]':
 
 def summary(found: 'Calibration', alpha: float) -> list[str]:
     """Return what was found as lines of text."""
-    threshold = found.threshold(alpha)
-    low, high = threshold.limits
-    plain, gated = found.false_alarms(threshold.delta_bic)
-    quantile = found.quantile(alpha).value
+    one, rate = found.threshold(alpha), f'{100 * alpha:g} %'
+    evidence = found.quantile(alpha).value
+    low, high = one.limits
     lines = [
         '',
-        f'Threshold for a false-alarm rate of {100 * alpha:g} %: dBIC {threshold.delta_bic:.3g}',
-        f'noise alone: dBIC {quantile:.3g} [{low:.3g}, {high:.3g}] is exceeded that often '
-        f'({threshold.runs} runs); the threshold is never below 10',
-        f'runs above the threshold: {100 * plain:.3g} %, and through all gates: '
-        f'{100 * gated:.3g} %',
+        f'Threshold for a false-alarm rate of {rate}: dBIC {one.delta_bic:.3g}',
+        f'{one.runs} complete-model runs: something passes all gates at this threshold in '
+        f'{100 * one.rate[0]:.2g} to {100 * one.rate[1]:.2g} % of recordings (95 %)',
+        f'noise alone, gates aside, makes more than dBIC {evidence:.3g} [{low:.3g}, {high:.3g}] '
+        f'in {rate} of recordings',
     ]
-    if threshold.beyond > 1.0:
+    if alpha * one.runs < 1.0:
+        lines[-1] += f', extrapolated {1 / (alpha * one.runs):.2g} times beyond the runs'
+    if one.extrapolated:
         lines.append(
-            f'The rate lies {threshold.beyond:.2g} times beyond what {threshold.runs} runs show '
-            f'directly ({100 / threshold.runs:.2g} %): it is extrapolated with a Pareto tail.'
+            f'So few runs cannot show {rate} directly: the threshold is that of the evidence '
+            f'alone, which is safe but asks too much. {math.ceil(3 / alpha)} runs could show it.'
         )
     return lines
 
 
 def _document(found: 'Calibration', alpha: float) -> dict[str, object]:
-    threshold = found.threshold(alpha)
+    one = found.threshold(alpha)
     return {
         'schema': 'motor_sysid/calibration/1',
         'alpha': alpha,
-        'threshold': threshold.delta_bic,
+        'threshold': one.delta_bic,
+        'rate': list(one.rate),
         'quantile': found.quantile(alpha).value,
-        'limits': list(threshold.limits),
-        'runs': threshold.runs,
-        'beyond': threshold.beyond,
-        'evidence': list(found.evidence),
-        'passing': [v if v > -float('inf') else None for v in found.passing],
+        'limits': list(one.limits),
+        'runs': one.runs,
+        'extrapolated': one.extrapolated,
+        'evidence': [_finite(value) for value in found.evidence],
+        'passing': [_finite(value) for value in found.passing],
         'provenance': dict(found.provenance),
     }
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -66,7 +66,8 @@ def _threshold(one: Threshold | None) -> Json:
         'alpha': one.alpha,
         'limits': [number(limit) for limit in one.limits],
         'runs': one.runs,
-        'beyond': number(one.beyond),
+        'rate': [number(limit) for limit in one.rate],
+        'extrapolated': number(one.extrapolated),
         'words': one.words,
     }
 

@@ -1,6 +1,7 @@
 """The gain in BIC that evidence must have, and where that figure comes from."""
 
 from dataclasses import dataclass
+import math
 
 UNCALIBRATED = 20.0
 """Where nothing was calibrated; docs/benchmark.md measures what it lets pass."""
@@ -20,24 +21,26 @@ class Threshold:
         The gain in BIC.
     alpha:
         The false-alarm rate that it stands for, or None where nothing was calibrated.
-    limits:
-        95 % confidence limits of the quantile that it comes from, before the floor.
     runs:
         Complete-model runs behind it.
+    limits:
+        95 % confidence limits of the gain in BIC that noise alone exceeds at that rate.
+    rate:
+        95 % confidence limits of the share of complete models in which something passes all gates
+        at this threshold.
+    extrapolated:
+        How far the rate lies beyond what the runs show directly; 0 if they show it.
     note:
         What to know of the calibration; empty if nothing.
     """
 
     delta_bic: float = UNCALIBRATED
     alpha: float | None = None
-    limits: tuple[float, float] = (float('nan'), float('nan'))
     runs: int = 0
+    limits: tuple[float, float] = (math.nan, math.nan)
+    rate: tuple[float, float] = (math.nan, math.nan)
+    extrapolated: float = 0.0
     note: str = ''
-
-    @property
-    def beyond(self) -> float:
-        """How far the rate lies beyond what the runs show directly; 1 or less if they show it."""
-        return 1.0 / (self.alpha * self.runs) if self.alpha and self.runs else 0.0
 
     @property
     def words(self) -> str:
@@ -51,6 +54,6 @@ class Threshold:
             f'Evidence counts from dBIC {self.delta_bic:.3g}, from a calibration of this motor '
             f'({self.runs} complete-model runs, false-alarm rate {100 * self.alpha:g} %)'
         )
-        if self.beyond > 1.0:
-            text += f', extrapolated {self.beyond:.2g} times beyond the runs'
+        if self.extrapolated:
+            text += f', extrapolated {self.extrapolated:.2g} times beyond what the runs show'
         return f'{text}.{f" {self.note}" if self.note else ""}'

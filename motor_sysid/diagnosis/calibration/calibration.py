@@ -9,7 +9,12 @@ import numpy as np
 
 from motor_sysid.diagnosis.calibration.null import Chance, Plan
 from motor_sysid.diagnosis.calibration.situation import Situation
-from motor_sysid.diagnosis.calibration.tail import Quantile, upper_quantile
+from motor_sysid.diagnosis.calibration.tail import (
+    Quantile,
+    share_limits,
+    shown_level,
+    upper_quantile,
+)
 from motor_sysid.diagnosis.threshold import FLOOR, Threshold
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -54,26 +59,33 @@ class Calibration:
     def threshold(self, alpha: float, candidates: Sequence[str] = ()) -> Threshold:
         """Return what to ask of evidence for a false-alarm rate of at most `alpha`.
 
+        Either the runs show directly, with 95 % confidence, that no more than that passes all
+        gates; or the evidence itself, whatever the other gates say, stays below the quantile of
+        its tail.  The lower of both counts, but never less than the floor.
+
         Parameters
         ----------
+        alpha:
+            Between 0 and 1.
         candidates:
             Keys of the effects that are looked for now; those that were not part of the
             calibration are noted.
         """
-        found = self.quantile(alpha)
+        found, runs = self.quantile(alpha), len(self.evidence)
+        shown = shown_level(np.array(self.passing), alpha, FLOOR)
+        by_tail = max(found.value, FLOOR)
+        level = min(shown, by_tail)
+        beyond = 1.0 / (alpha * runs) if by_tail < shown else 0.0
         new = [k for k in candidates if self.catalogue.get(k) != digest_of(k)]
-        note = f'Not part of it, for they are new or changed: {", ".join(new)}.' if new else ''
         return Threshold(
-            max(found.value, FLOOR), alpha, (found.lower, found.upper), len(self.evidence), note
+            level,
+            alpha,
+            runs,
+            (found.lower, found.upper),
+            share_limits(int(np.sum(np.array(self.passing) >= level)), runs),
+            beyond if beyond > 1.0 else 0.0,
+            f'Not part of it, for they are new or changed: {", ".join(new)}.' if new else '',
         )
-
-    def false_alarms(self, delta_bic: float) -> tuple[float, float]:
-        """Return the shares of the runs with that much evidence, and that pass all gates, too."""
-        shares = [
-            float(np.mean(np.array(values) >= delta_bic))
-            for values in (self.evidence, self.passing)
-        ]
-        return shares[0], shares[1]
 
     def is_for(self, model: Model, situation: Situation) -> bool:
         """Tell whether it holds for a model fitted in a situation: same class, like motor."""

@@ -19,7 +19,7 @@ from motor_sysid.diagnosis.calibration.noise import Noise, Source
 from motor_sysid.diagnosis.calibration.twin import is_counted, Twin
 from motor_sysid.diagnosis.setup import Bench, make_bench
 from motor_sysid.estimation.batch import Weighting
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 
@@ -58,7 +58,7 @@ def fit_noise(
     known = Noise((), _steps(model, records), all(is_counted(model, r) for r in records))
     bands = _Bands(model, bench, twins, fraction, seed)
     seen = bands.of_records(records)
-    candidates = _sources(model, bench)
+    candidates = _sources(model, bench, known.counted)
     quiet = bands.simulated(known.only((), rounded=False))
     rounding = bands.simulated(known)
     alone = [
@@ -110,14 +110,16 @@ def _steps(model: Model, records: Sequence[Record]) -> dict[str, float]:
     return steps
 
 
-def _sources(model: Model, bench: Bench) -> list[Source]:
+def _sources(model: Model, bench: Bench, counted: bool) -> list[Source]:
+    """Return what may disturb; a counted speed has no error but that of the position."""
     dt = bench.train[0][0].record.dt
     sources = []
     for j, signal in enumerate(bench.outputs):
         values = np.concatenate([s.judged[:, j] for chain in bench.train for s in chain])
         size = _SMALL * float(np.std(values))
-        sources += [Source(signal, False, n * dt, size) for n in SENSOR_MEMORIES]
-    if 'speed' in bench.outputs and model.speed_sensor.value == 'difference':
+        if signal != 'speed' or not counted:
+            sources += [Source(signal, False, n * dt, size) for n in SENSOR_MEMORIES]
+    if 'speed' in bench.outputs and model.speed_sensor is SpeedSensor.DIFFERENCE:
         sources.append(Source('position', False, 0.0, _SMALL * bench.scales.speed * dt))
     sizes = {'torque': bench.scales.torque, 'voltage': bench.scales.voltage}
     for force in model.kind.forces:

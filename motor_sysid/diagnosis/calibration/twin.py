@@ -12,6 +12,7 @@ from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.rollout import Program
+from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
@@ -196,7 +197,7 @@ def is_counted(model: Model, record: Record) -> bool:
     if 'speed' not in record or model.speed_sensor is not SpeedSensor.DIFFERENCE:
         return False
     if 'position' not in record:
-        return True
+        return lattice(record['speed']) is not None
     backward = np.diff(record['position']) / record.dt
     off = np.std(backward - record['speed'][1:])
     return bool(off < 0.05 * np.std(np.diff(record['speed'])))
