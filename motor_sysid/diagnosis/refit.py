@@ -256,7 +256,8 @@ def _opened(tried: Model, base: Model, scored: Scored) -> Model:
     card = scored.variant.effect.card
     free += [f'{key}.{a.name}' for a in card.amplitudes]
     free += [f'{key}.{s.name}' for s in card.shapes if s.free]
-    start = {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
+    start = {name: value for name, value in scored.base.items() if name in tried.parameters}
+    start |= {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
     share = 1.0 + start.get(f'{key}.{card.amplitudes[0].name}', 0.0)
     for name in card.shrinks:
         p = base.parameters[name]

@@ -8,7 +8,7 @@ dictionary leaves: fitted to the residual itself, the noise model would swallow 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import combinations
 
 import numpy as np
@@ -29,6 +29,9 @@ EACH, PAIRS = 3, 3
 
 BEYOND = 1e-3
 """Part of a column that base parameters cannot mimic below which it counts as nothing."""
+
+FURTHEST = 1.0
+"""Largest change of a coordinate of the base parameters that a regression is trusted with."""
 
 SEEN = 1e-12
 """Eigenvalue of the scaled products of base columns below which a combination is not there."""
@@ -52,6 +55,8 @@ class Scored:
         Whether their signs are physically possible.
     overlap:
         Share of the variant's effect that base parameters could mimic, 0 to 1.
+    base:
+        Values of the model's free parameters that the regression proposes beside them.
     """
 
     variant: Variant
@@ -60,6 +65,7 @@ class Scored:
     amplitudes: Mapping[str, float]
     allowed: bool
     overlap: float
+    base: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -107,14 +113,16 @@ def score(problem: Problem, z: Array, tried: Sequence[Variant]) -> Scores:
         weighting = _whitened(raw, starts, weighting)
     first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)
-    left = _beyond(whole, np.arange(1, first))
+    base = _Base.of(whole, np.arange(1, first))
+    left = base.without(whole)
     scored, parts = [], []
     family = {v.effect.key: sum(o.effect.key == v.effect.key for o in tried) for v in tried}
     for variant, column in zip(tried, added, strict=True):
         own = slice(first, first + column[0].shape[2])
         first = own.stop
         part = _Part.of(own, whole, left)
-        scored.append(_score(variant, whole[own, own], part, count, family))
+        one = _score(variant, whole[own, own], part, count, family)
+        scored.append(replace(one, base=_beside(one, base.beside(own, _moved(one)), problem, z)))
         parts.append(part)
     found = best_pairs(scored, parts, left)
     scored.sort(key=lambda s: -s.delta_bic)
@@ -136,15 +144,55 @@ def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weightin
     return coloured(left, AR_ORDER)
 
 
-def _beyond(gram: Array, base: NDArray[np.int64]) -> Array:
-    """Return the products of all columns after the `base` columns are taken out of them."""
-    size = np.sqrt(np.maximum(np.diag(gram)[base], 1e-300))
-    values, vectors = np.linalg.eigh(gram[np.ix_(base, base)] / np.outer(size, size))
-    kept = values > SEEN * np.max(values, initial=1e-300)
-    basis = (vectors[:, kept] / np.sqrt(values[kept])) / size[:, np.newaxis]
-    along = basis.T @ gram[base]
-    rest: Array = gram - along.T @ along
-    return rest
+@dataclass(frozen=True)
+class _Base:
+    """What base parameters can do.
+
+    Attributes
+    ----------
+    back:
+        (d, m) from coordinates in an orthonormal basis of that to the parameters.
+    along:
+        (m, 1 + K) coordinates of all columns in that basis, residual first.
+    """
+
+    back: Array
+    along: Array
+
+    @classmethod
+    def of(cls, gram: Array, base: NDArray[np.int64]) -> '_Base':
+        size = np.sqrt(np.maximum(np.diag(gram)[base], 1e-300))
+        values, vectors = np.linalg.eigh(gram[np.ix_(base, base)] / np.outer(size, size))
+        kept = values > SEEN * np.max(values, initial=1e-300)
+        back = (vectors[:, kept] / np.sqrt(values[kept])) / size[:, np.newaxis]
+        return cls(back, back.T @ gram[base])
+
+    def without(self, gram: Array) -> Array:
+        """Return the products of all columns after what base parameters can do is taken out."""
+        rest: Array = gram - self.along.T @ self.along
+        return rest
+
+    def beside(self, own: slice, moved: Array) -> Array:
+        """Return (d,) the best changes of base parameters beside given changes of amplitudes."""
+        change: Array = self.back @ (self.along[:, 0] - self.along[:, own] @ moved)
+        return change
+
+
+def _moved(one: Scored) -> Array:
+    """Return (a,) the changes of a variant's amplitudes; 1 for a finite trial."""
+    free = one.variant.model.parameters.free
+    if not free:
+        return np.ones(1)
+    return np.array([one.amplitudes[p.name.split('.', 1)[1]] - p.value for p in free])
+
+
+def _beside(one: Scored, change: Array, problem: Problem, z: Array) -> dict[str, float]:
+    """Return the values of base parameters after a change of z, held back where that is large."""
+    if one.variant.effect.card.shrinks:
+        return {}
+    reach = np.minimum(problem.reach(), FURTHEST)
+    values = problem.values((z + np.clip(change, -reach, reach))[np.newaxis, :])
+    return {p.name: float(values[p.name][0]) for p in problem.free}
 
 
 @dataclass(frozen=True)

@@ -129,7 +129,8 @@ def minimize(
 
     Where the undamped step brings most of what the linearization promises it is taken: its
     simulations give the next derivatives as well.  Elsewhere the best of many dampings and lengths
-    is.  It ends where the promise falls under `tolerance` times the cost.
+    is, until that is the undamped step again.  It ends where the promise falls under `tolerance`
+    times the cost.
 
     Parameters
     ----------
@@ -138,7 +139,7 @@ def minimize(
     """
     lower, upper = problem.box()
     z = np.clip(problem.vector() if start is None else start, lower, upper)
-    simulations, each = 0, 2 * z.size + 1
+    simulations, each, trusted = 0, 2 * z.size + 1, True
     if not near:
         near = problem.linearize(z)
         simulations += each
@@ -147,25 +148,28 @@ def minimize(
         trials, most = _trials(z, gradient, curvature, lower, upper, problem.reach())
         if not most >= tolerance * cost:
             return Solution(z, cost, bool(np.isfinite(cost)), iteration, simulations, tuple(near))
-        ahead = problem.linearize(trials[0])
-        simulations += each
-        equations = normal_equations(ahead, weighting)
-        promise = _promise(trials[0] - z, gradient, curvature)
-        if not (promise > 0 and equations[2] < cost - ENOUGH * promise):
+        best, enough = 0, False
+        if trusted:
+            ahead = problem.linearize(trials[0])
+            equations = normal_equations(ahead, weighting)
+            simulations += each
+            promise = _promise(trials[0] - z, gradient, curvature)
+            enough = promise > 0 and equations[2] < cost - ENOUGH * promise
+        if not enough:
             costs = problem.costs(trials, weighting, near)
-            simulations += len(trials)
             best = int(np.argmin(costs))
+            simulations += len(trials)
             if not costs[best] < cost:
                 return Solution(
                     z, cost, bool(np.isfinite(cost)), iteration, simulations, tuple(near)
                 )
-            if best > 0:
-                ahead = problem.linearize(trials[best])
-                simulations += each
-                equations = normal_equations(ahead, weighting)
-            trials[0] = trials[best]
+        if best > 0 or not trusted:
+            ahead = problem.linearize(trials[best])
+            equations = normal_equations(ahead, weighting)
+            simulations += each
+        trusted = best == 0
         gain = (cost - equations[2]) / cost if np.isfinite(cost) else 1.0
-        z, near, (gradient, curvature, cost) = trials[0], ahead, equations
+        z, near, (gradient, curvature, cost) = trials[best], ahead, equations
         if gain < tolerance:
             return Solution(z, cost, True, iteration, simulations, tuple(near))
     return Solution(z, cost, False, iterations, simulations, tuple(near))
