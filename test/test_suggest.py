@@ -22,7 +22,7 @@ from motor_sysid.diagnosis.experiment.rivals import fit_rivals, parse_rivals, ri
 from motor_sysid.diagnosis.experiment.stage import Stage
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import refit
+from motor_sysid.estimation.batch import fit, refit
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
@@ -82,6 +82,23 @@ def test_one_direction_is_answered_with_reversals_and_the_truth_is_then_named(ca
     assert f'after {made.profile.duration:.3g} s' in made.summary
     new = followed(TRUTHS[truth], made)
     assert diagnose([record, new], effects=list(RIVALS)).effects == (truth,)
+
+
+def test_the_evidence_that_was_expected_is_found(case) -> None:
+    """With the noise that was assumed, refits to the record of the true motor differ as said."""
+    truth, record, rivals = case
+    made = suggest_experiment(rivals, record, quick=False)
+    assert made is not None
+    stage = Stage(rivals, [record], made.limits, 10_000)
+    assert stage.dt == pytest.approx(DT)
+    new = followed(TRUTHS[truth], made)
+    costs = [
+        fit(stage.problem(rival, [new]), stage.weighting, reweight=0).cost for rival in rivals
+    ]
+    found = costs[1 - RIVALS.index(truth)] - costs[RIVALS.index(truth)]
+    expected = made.separations[0].delta_bic
+    assert expected >= 40
+    assert expected / 2 < found < 5 * expected, 'the smaller of the two directions was promised'
 
 
 def test_the_true_motor_stays_inside_the_limits(case) -> None:
