@@ -6,6 +6,9 @@ Recordings come from the benchmark's own simulator, which shares no equation wit
 from dataclasses import replace
 from functools import cache
 import math
+from pathlib import Path
+import re
+import shlex
 
 import numpy as np
 import pytest
@@ -30,6 +33,7 @@ from motor_sysid.diagnosis.calibration.store import (
 from motor_sysid.diagnosis.calibration.tail import share_limits, shown_level, upper_quantile
 from motor_sysid.diagnosis.calibration.twin import Twin
 from motor_sysid.diagnosis.refit import climb
+from motor_sysid.diagnosis.rounds import scored
 from motor_sysid.diagnosis.score import AR_ORDER
 from motor_sysid.diagnosis.setup import make_bench, with_scales
 from motor_sysid.diagnosis.threshold import FLOOR, UNCALIBRATED
@@ -284,23 +288,51 @@ def test_a_diagnosis_says_what_it_asked_of_evidence():
 # The command
 
 
-def test_the_command_keeps_what_diagnose_then_uses(tmp_path, monkeypatch, capsys):
+PAGE = (Path(__file__).resolve().parent.parent / 'docs' / 'calibration.md').read_text()
+EFFECTS = ('coulomb_friction', 'quadratic_drag')
+
+
+def block(language: str) -> str:
+    """Return the one block of the page in that language, with as many runs as a test can make."""
+    (text,) = re.findall(rf'```{language}\n(.*?)```', PAGE, flags=re.DOTALL)
+    return text.replace('300', '20').replace('0.01', '0.2')
+
+
+@pytest.fixture
+def desk(tmp_path, monkeypatch):
+    """Return a folder with a recording and a place for calibrations; the test runs in it."""
+    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv('MOTOR_SYSID_CALIBRATION', str(tmp_path / 'kept'))
-    data = tmp_path / 'run1.csv'
-    write_record(recording(0, seconds=1.5), data, storage='mcap')
-    effects = ['--effects', 'coulomb_friction', 'quadratic_drag']
-    command = ['calibrate', str(data), '--runs', '20', '--alpha', '0.2', '--workers', '1']
-    assert main([*command, *effects]) == 0
+    write_record(recording(0, seconds=1.5), tmp_path / 'run1.csv', storage='mcap')
+    return tmp_path
+
+
+def test_the_commands_of_the_page_work_with_any_number_of_workers(desk, capsys):
+    calibrate, diagnosis = (
+        [*shlex.split(line)[1:], '--effects', *EFFECTS] for line in block('sh').splitlines()
+    )
+    assert main([*calibrate, '--workers', '1']) == 0
     said = capsys.readouterr().out
     assert 'driven by: PI' in said
     assert 'Threshold for a false-alarm rate of 20 %: dBIC' in said
-    (kept,) = (tmp_path / 'kept').glob('*.yaml')
+    (kept,) = (desk / 'kept').glob('*.yaml')
     first = load_calibration(kept)
-    assert main([*command[:-1], '2', *effects]) == 0
+    assert main([*calibrate, '--workers', '2']) == 0
     assert load_calibration(kept) == first
     capsys.readouterr()
-    assert main(['diagnose', str(data), '--alpha', '0.2', *effects]) == 0
+    assert main(diagnosis) == 0
     assert '20 complete-model runs, false-alarm rate 20 %' in capsys.readouterr().out
+
+
+def test_the_python_of_the_page_works(desk, monkeypatch, capsys):
+    everything = catalogue()
+    for key in set(everything) - set(EFFECTS):
+        monkeypatch.delitem(everything, key)
+    names: dict[str, object] = {}
+    exec(compile(block('python'), 'docs/calibration.md', 'exec'), names)
+    assert '20 complete-model runs' in capsys.readouterr().out
+    found = names['found']
+    assert found.calibration.alpha == 0.2
 
 
 @pytest.mark.parametrize(
@@ -356,17 +388,13 @@ def white_gain(bench, model):
 def test_whitening_with_what_the_base_model_leaves_would_eat_the_effect():
     """The noise model must come from what the whole dictionary leaves."""
     rng = np.random.default_rng(4)
-    plant = PLANT._replace(tau_l=2e-3) if hasattr(PLANT, '_replace') else None
-    assert plant is not None
+    plant = PLANT._replace(tau_l=2e-3)
     volts = 8.0 * rng.uniform(-1, 1, 100)[np.arange(3000) // 250]
     data = measure(run(plant, Control(volts, limit=24.0), DT), TACHO, DT, rng)
     model = start()
     bench = with_scales(make_bench([data], [], model.kind, model), model)
     rung = climb(model, bench)
-    candidates = [effect(key) for key in FEW]
-    from motor_sysid.diagnosis.rounds import scored
-
-    whole = scored(rung, bench, candidates, print)
+    whole = scored(rung, bench, [effect(key) for key in FEW], print)
     mine = next(s for s in whole.singles if s.variant.effect.key == 'constant_load_torque')
     eaten = coloured([np.concatenate(rung.training.residuals)], AR_ORDER)
     problem = bench.problem(rung.model)

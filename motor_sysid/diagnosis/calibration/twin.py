@@ -129,7 +129,8 @@ class _Loop:
         self.program = Program.of(model, ['speed'])
         values = _table(model)
         table = np.array([values[name] for name in self.program.names])
-        self.workspace = self.program.workspace(table, twin.record.dt, SUBSTEPS)
+        self.dt = twin.record.dt
+        self.workspace = self.program.workspace(table, self.dt, SUBSTEPS)
         self.state = np.repeat(start[:, np.newaxis], LANES, axis=1)
         self.program.begin(self.workspace, self.state)
         self.omega, self.theta = (model.kind.states.index(n) for n in ('omega', 'theta'))
@@ -138,7 +139,7 @@ class _Loop:
         """Return the (N,) input that the controller gives."""
         twin, c = self.twin, self.twin.controller
         assert c is not None
-        reference, dt = twin.record['speed_reference'], twin.record.dt
+        reference, dt = twin.record['speed_reference'], self.dt
         speeds, given = np.zeros(reference.size), np.zeros(reference.size)
         integral, constant = 0.0, c.constant
         late = int(self.workspace.late[0]) + _HISTORY if self.workspace.late.size else 1
@@ -173,17 +174,16 @@ class _Loop:
         return float(step * round((angle + self.phase) / step) - self.phase)
 
     def _advance(self, given: Array, k: int, late: int) -> None:
-        dt = self.twin.record.dt
         first = max(k + 1 - late, 0)
         inputs = np.zeros((late, 1))
         inputs[late - (k + 1 - first) :, 0] = given[first : k + 1]
-        start = (k + 1 - late) * dt
+        start = (k + 1 - late) * self.dt
         push = None
         if self.push.size:
             push = np.zeros((late, *self.push.shape[1:3], LANES))
             push[-1] = self.push[k]
         self.program.advance(
-            self.workspace, self.state, Drive(inputs, dt, start), SUBSTEPS,
+            self.workspace, self.state, Drive(inputs, self.dt, start), SUBSTEPS,
             np.empty((late, 1, LANES)), late - 1, push,
         )  # fmt: skip
 
