@@ -46,8 +46,14 @@ def compare(
 ) -> Comparison:
     """Run a model over chains from the measured initial state and take the errors."""
     problem = Problem(model, chains, outputs, substeps=substeps)
-    near = problem.linearize(problem.vector(), parameters=False)
-    residuals = tuple(one.residual for one in near)
+    z = problem.vector()[np.newaxis, :]
+    runs = zip(problem.stretches, problem.simulate(z), strict=True)
+    return comparison_of([stretch.judged - run[:, :, 0] for stretch, run in runs], problem)
+
+
+def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
+    """Return the comparison of a model whose residuals (N, n_y) over the data are known."""
+    residuals, outputs = tuple(found), problem.outputs
     measured = tuple(stretch.judged for stretch in problem.stretches)
     channel = channel_errors(residuals, measured)
     predictions = tuple(

@@ -225,7 +225,7 @@ class _Engine:
             return None
         for key in own:
             slim, scores = self.without(rung, key)
-            mine = gain_in_bic(slim.model, rung.model, self.bench, scores.weighting)
+            mine = gain_in_bic(slim, rung, self.bench, scores.weighting)
             if len(own) > 1:
                 for trial in self.substitutes(key, slim, scores, mine):
                     if trial.delta_bic > mine + RIVAL_BIC:
@@ -262,8 +262,8 @@ class _Engine:
         for key in rung.model.effects[:-1]:
             slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
             weighting = rung.result.weighting
-            full, rows = profile_cost(rung.model, self.bench, weighting)
-            less, _ = profile_cost(slim.model, self.bench, weighting)
+            full, rows = profile_cost(rung, self.bench, weighting)
+            less, _ = profile_cost(slim, self.bench, weighting)
             count = len(rung.model.parameters.free) - len(slim.model.parameters.free)
             if less - full - count * np.log(rows) < self.bench.threshold:
                 self.tell(f'dropping {key}: no longer needed')

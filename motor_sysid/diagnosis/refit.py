@@ -6,13 +6,21 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.compare import compare, Comparison
+from motor_sysid.diagnosis.compare import compare, Comparison, comparison_of
 from motor_sysid.diagnosis.moments import with_best_moments
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.threshold import UNCALIBRATED
-from motor_sysid.estimation.batch import fit, FitResult, Problem, Weighting
+from motor_sysid.estimation.batch import (
+    fit,
+    fit_and_slopes,
+    FitResult,
+    Linearization,
+    Problem,
+    Weighting,
+)
 from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -26,6 +34,10 @@ MIN_FURTHER_GAIN_PERCENT = 5.0
 every further one, for what the first does not fit to the last detail looks like a second one."""
 
 UNPHYSICAL = 'unphysical sign'
+
+BRIEF, FULL = 1e-5, 1e-7
+"""Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
+"""
 
 FINE = 4
 """Integration steps per sample where one is not enough."""
@@ -62,12 +74,18 @@ class Rung:
         Free-running errors.
     held:
         Errors on held-out data, looking as far ahead as the fit does.
+    near:
+        Residuals and derivatives over the training data; empty if not kept.
+    substeps:
+        Integration steps per sample that all this was reckoned with.
     """
 
     result: FitResult
     training: Comparison
     validation: Comparison
     held: Comparison
+    near: tuple[Linearization, ...] = ()
+    substeps: int = 1
 
     @property
     def model(self) -> Model:
@@ -125,13 +143,17 @@ def climb(
     """
     reweight, iterations = (1, 12) if briefly else (3, 30)
     problem = bench.problem(model)
-    result = fit(problem, start, reweight=reweight, iterations=iterations)
+    tolerance = BRIEF if briefly else FULL
+    result, near = fit_and_slopes(
+        problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance
+    )
     moved = with_best_moments(bench.problem(result.model), result.weighting)
     if moved is not result.model:
-        result = fit(
-            bench.problem(moved), result.weighting, reweight=reweight, iterations=iterations
-        )
-    return judge(result, bench)
+        result, near = fit_and_slopes(
+            bench.problem(moved), result.weighting, reweight=reweight, iterations=iterations,
+            tolerance=tolerance,
+        )  # fmt: skip
+    return judge(result, bench, near)
 
 
 def polish(rung: Rung, bench: Bench) -> Rung:
@@ -147,15 +169,18 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     return better if improved else rung
 
 
-def judge(result: FitResult, bench: Bench) -> Rung:
-    """Take the errors of a fitted model."""
+def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -> Rung:
+    """Take the errors of a fitted model; `near` holds its residuals on the training data."""
     outputs, substeps = bench.outputs, bench.substeps
-    return Rung(
-        result,
-        compare(result.model, bench.train_free, outputs, substeps=substeps),
-        compare(result.model, bench.held_free, outputs, substeps=substeps),
-        compare(result.model, bench.held, outputs, substeps=substeps),
-    )
+    if near and bench.train_free is bench.train:
+        training = comparison_of([one.residual for one in near], bench.problem(result.model))
+    else:
+        training = compare(result.model, bench.train_free, outputs, substeps=substeps)
+    held = compare(result.model, bench.held, outputs, substeps=substeps)
+    free = held
+    if bench.held_free is not bench.held:
+        free = compare(result.model, bench.held_free, outputs, substeps=substeps)
+    return Rung(result, training, free, held, tuple(near), substeps)
 
 
 def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
@@ -176,10 +201,17 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     return climb(rung.model, fine, rung.result.weighting), fine
 
 
-def profile_cost(model: Model, bench: Bench, weighting: Weighting) -> tuple[float, int]:
+def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
+    """Return residuals and derivatives of a fitted model over the training data."""
+    if rung.near and rung.substeps == bench.substeps:
+        return rung.near
+    problem = bench.problem(rung.model)
+    return problem.linearize(problem.vector())
+
+
+def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float, int]:
     """Return the whitened sum of squares at the nearest minimum, and the number of rows."""
-    problem = bench.problem(model)
-    near = problem.linearize(problem.vector())
+    near = slopes(rung, bench)
     gradient, curvature, cost = normal_equations(near, weighting)
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
@@ -207,14 +239,14 @@ def try_pair(
     new = climb(model, bench, rung.result.weighting, briefly=True)
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return new, -np.inf
-    return new, gain_in_bic(rung.model, new.model, bench, weighting)
+    return new, gain_in_bic(rung, new, bench, weighting)
 
 
-def gain_in_bic(before: Model, after: Model, bench: Bench, weighting: Weighting) -> float:
+def gain_in_bic(before: Rung, after: Rung, bench: Bench, weighting: Weighting) -> float:
     """Return the gain in BIC from one fitted model to another one with more parameters."""
     old, rows = profile_cost(before, bench, weighting)
     new, _ = profile_cost(after, bench, weighting)
-    extra = len(after.parameters.free) - len(before.parameters.free)
+    extra = len(after.model.parameters.free) - len(before.model.parameters.free)
     return old - new - extra * float(np.log(rows))
 
 
@@ -227,8 +259,8 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
     new = climb(model, bench, rung.result.weighting, briefly=True)
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
-    before, rows = profile_cost(rung.model, bench, weighting)
-    after, _ = profile_cost(new.model, bench, weighting)
+    before, rows = profile_cost(rung, bench, weighting)
+    after, _ = profile_cost(new, bench, weighting)
     extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
     delta = before - after - extra * float(np.log(rows))
     gain = 100 * (1 - _combined(new.held, rung.held))
@@ -237,7 +269,7 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     certain = small and _certain(rung.held, new.held, weighting)
     note = _gate(scored, new, rung, delta, gain, steady, certain, bench.threshold)
-    return Trial(scored, new, delta, gain, steady, note, after / rows)
+    return Trial(scored, replace(new, near=()), delta, gain, steady, note, after / rows)
 
 
 def _impossible(scored: Scored) -> bool:
@@ -343,9 +375,14 @@ def parameters_of(model: Model, key: str) -> Mapping[str, tuple[float, str, floa
 def best_per_effect(scores: Sequence[Scored], limit: int) -> list[list[Scored]]:
     """Return the best variants of each effect, at most `limit` effects, best first.
 
-    Effects with many variants have many local minima: three starts are kept of them.
+    Effects with many variants have many local minima: three starts are kept of them.  With an
+    effect come its special cases, whatever their score: nothing may be named that is more than the
+    data ask for.
     """
     best: dict[str, list[Scored]] = {}
     for one in scores:
         best.setdefault(one.variant.effect.key, []).append(one)
-    return [group[: 3 if len(group) > MANY else 1] for group in list(best.values())[:limit]]
+    chosen = list(best)[:limit]
+    special = [s for key in chosen for s in effect(key).card.generalises]
+    chosen += [key for key in dict.fromkeys(special) if key in best and key not in chosen]
+    return [best[key][: 3 if len(best[key]) > MANY else 1] for key in chosen]

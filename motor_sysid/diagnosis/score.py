@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.columns import columns
 from motor_sysid.diagnosis.variants import Variant
-from motor_sysid.estimation.batch.problem import Problem
+from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 from motor_sysid.physics.effect import Effect
 
@@ -88,7 +88,12 @@ class Scores:
     weighting: Weighting
 
 
-def score(problem: Problem, z: Array, tried: Sequence[Variant]) -> Scores:
+def score(
+    problem: Problem,
+    z: Array,
+    tried: Sequence[Variant],
+    near: Sequence[Linearization] = (),
+) -> Scores:
     """Score variants on a fitted model.
 
     Parameters
@@ -97,9 +102,10 @@ def score(problem: Problem, z: Array, tried: Sequence[Variant]) -> Scores:
         The fitted model's problem and solution.
     tried:
         Variants to score.
-
+    near:
+        Residuals and derivatives of the fitted model, if they are known.
     """
-    near = problem.linearize(z)
+    near = near or problem.linearize(z)
     added = columns(problem, tried)
     raw = [
         np.concatenate(

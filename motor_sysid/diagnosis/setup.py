@@ -16,6 +16,7 @@ from motor_sysid.estimation.batch import (
     misfit,
     observed_outputs,
     Problem,
+    thinned,
 )
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor, motors
@@ -33,6 +34,10 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 """
 
 
+ROUGH_ROWS = 10_000
+"""Rows that a rough fit looks at."""
+
+
 @dataclass(frozen=True)
 class Bench:
     """Everything that stays the same while models are tried.
@@ -47,6 +52,8 @@ class Bench:
         The held-out data, cut as `train` is: what decides whether an effect helps.
     train_free, held_free:
         The same data run freely, for reporting.
+    rough:
+        Some of `train`, for finding out what is worth a fit to all of it.
     records, roles:
         The stretches that are reported, each ``train`` or ``validate``, in the order of
         `train_free` then `held_free`.
@@ -70,6 +77,7 @@ class Bench:
     roles: tuple[str, ...]
     scales: Scales
     horizon: float | None
+    rough: tuple[Chain, ...] = ()
     substeps: int = 1
     threshold: float = UNCALIBRATED
 
@@ -164,9 +172,11 @@ def make_bench(
             for r in records
         )
 
-    fitting, free = chains(train, horizon, role), chains(train, None, role)
+    fitting = chains(train, horizon, role)
+    free = fitting if horizon is None else chains(train, None, role)
     other, part = (validation, 'all') if validation else (train, 'validate')
-    held, held_free = chains(other, horizon, part), chains(other, None, part)
+    held = chains(other, horizon, part)
+    held_free = held if horizon is None else chains(other, None, part)
     shown = [s for chain in (*free, *held_free) for s in chain if s.scored]
     count = sum(s.scored for chain in free for s in chain)
     scales = scales_of(kind.key, {**defaults, **values}, [r.uniform() for r in train])
@@ -176,6 +186,7 @@ def make_bench(
         ('train',) * count + ('validate',) * (len(shown) - count),
         scales,
         horizon,
+        thinned(fitting, kind, outputs, ROUGH_ROWS),
     )  # fmt: skip
 
 

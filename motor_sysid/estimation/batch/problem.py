@@ -24,6 +24,8 @@ _REST_TIME = 0.02
 _WIDE_OPEN = 1e6
 _START_SPAN = 21
 _PIECE = 500
+_WINDOW, _RUN_IN = 1500, 100
+_WORTH_THINNING = 1.5
 
 
 @dataclass(frozen=True)
@@ -153,6 +155,51 @@ def make_chain(
             for a, b in itertools.pairwise(edges)
         ]
     return tuple(chain)
+
+
+def thinned(
+    chains: Sequence[Chain], kind: Motor, outputs: Sequence[str], rows: int
+) -> tuple[Chain, ...]:
+    """Return windows of about `rows` rows in all, spread evenly over the scored data.
+
+    Each is a chain by itself, begins in motion at the measured state, and is not judged by its
+    first rows.  Data that are not much longer are returned as they are.
+    """
+    total = sum(len(stretch.judged) for chain in chains for stretch in chain if stretch.scored)
+    if total <= _WORTH_THINNING * rows:
+        return tuple(chains)
+    windows: list[Chain] = []
+    for chain in chains:
+        for stretch in chain:
+            if not stretch.scored:
+                continue
+            first, length = stretch.scored_from, len(stretch.judged)
+            share = rows * length / total
+            count = max(round(share / _WINDOW), 1)
+            width = max(int(share / count), 20)
+            starts = first + (np.arange(count) + 0.5) * (length - width) / count
+            windows += [
+                (_window(stretch, int(a), int(a) + width, kind, outputs),) for a in starts
+            ]
+    return tuple(windows)
+
+
+def _window(
+    stretch: Stretch, first: int, last: int, kind: Motor, outputs: Sequence[str]
+) -> Stretch:
+    """Cut rows first to last out of a stretch, run in from a little earlier."""
+    begin = max(first - _RUN_IN, 0)
+    cut = _stretch(stretch.record, begin, last, kind, outputs, first - begin)
+    drive = stretch.drive
+    return replace(
+        cut,
+        drive=Drive(
+            drive.inputs[begin:last],
+            drive.dt,
+            drive.start + begin * drive.dt,
+            drive.position[begin:last],
+        ),
+    )
 
 
 def _stretch(
