@@ -339,19 +339,23 @@ class _Engine:
 
 
 def _winner(passing: Sequence[Trial]) -> Trial:
-    """Return the best trial, or its special case where that explains most of it."""
+    """Return the best trial, or its simplest special case that explains most of it."""
     best = passing[0]
-    special = [
-        t
-        for t in passing
-        if t.key in best.scored.variant.effect.card.generalises
-        and t.delta_bic > SPECIAL_SHARE * best.delta_bic
-    ]
-    if special:
-        return special[0]
+    simplest, following = best, _special(best, passing)
+    while following is not None:
+        simplest, following = following, _special(following, passing)
+    if simplest is not best:
+        return simplest
     equal = {best.key, *_rivals(best, passing)}
     keeps = [t for t in passing if t.key in equal and not t.scored.variant.inherits]
     return keeps[0] if keeps else best
+
+
+def _special(trial: Trial, passing: Sequence[Trial]) -> Trial | None:
+    """Return the best special case of a trial, if there is one that explains most of it."""
+    covered = trial.scored.variant.effect.card.generalises
+    enough = SPECIAL_SHARE * trial.delta_bic
+    return next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
 
 
 def _rivals(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
