@@ -78,7 +78,7 @@ def axes_of(
     top = _reach(speeds)
     moving = tuple(np.sign(np.where(np.abs(v) < RESTING * top, 0.0, v)) for v in speeds)
     axes = [
-        Axis('speed', f'{length}/s', speeds, np.linspace(-top, top, BINS + 1)),
+        Axis('speed', f'{length}/s', speeds, top * np.linspace(-1, 1, BINS + 1)),
         Axis('direction', '1', moving, np.array([-1.5, -0.5, 0.5, 1.5])),
     ]
     if all('theta' in s for s in states):
@@ -104,7 +104,7 @@ def _position(model: Model, angles: tuple[Array, ...]) -> Axis:
 
 def _signed(name: str, unit: str, values: tuple[Array, ...]) -> Axis:
     reach = _reach(values)
-    return Axis(name, unit, values, np.linspace(-reach, reach, BINS + 1))
+    return Axis(name, unit, values, reach * np.linspace(-1, 1, BINS + 1))
 
 
 def _clock(records: Sequence[Record]) -> Axis:

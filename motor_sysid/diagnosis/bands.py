@@ -17,17 +17,23 @@ from scipy.stats import t as student
 Array = NDArray[np.float64]
 Bins = NDArray[np.intp]
 
-BLOCK = 12
-"""Samples that are summed before anything else: the length of the smoothing kernel."""
+SHORTEST, MOST_BLOCKS = 3, 8000
+"""Samples that are summed before anything else, at least; and blocks that are enough."""
 
-FEWEST = 8
+FEWEST = 12
 """Samples that a bin needs."""
 
 LEAST_VISITS = 2.0
 """Independent samples that a bin needs; with fewer nothing can be said."""
 
-PRIOR = 10.0
+PRIOR = 30.0
 """Independent samples that the stationary noise counts for."""
+
+WIDER = 2.0
+"""Bandwidth in units of Andrews': a wider window is less biased."""
+
+LEAST_LEFT = 0.2
+"""Least share of a variance that is believed to be left after a bin's mean was taken out."""
 
 LEVEL = 0.975
 
@@ -57,19 +63,19 @@ class Binned:
         """Return how probable it is that noise carries some bin as far from `level` as seen.
 
         The bins are taken together (Sidak), so that many bins do not make noise look like
-        structure.  NaN where no bin has a band.
+        structure.  Against a level that is not 0, means are of squares and are compared by
+        their logarithms.  NaN where no bin has a band.
         """
-        known = np.isfinite(self.sigma) & (self.sigma > 0)
+        known = np.isfinite(self.sigma) & (self.sigma > 0) & (self.mean > 0 if level else True)
         if not np.any(known):
             return float('nan')
-        away = np.abs(self.mean[known] - level) / self.sigma[known]
+        mean, sigma = self.mean[known], self.sigma[known]
+        away = np.abs(np.log(mean / level)) * mean / sigma if level else np.abs(mean) / sigma
         least = float(np.min(2 * student.sf(away, self.freedom[known])))
         return float(-np.expm1(np.sum(known) * np.log1p(-min(least, 1 - 1e-16))))
 
 
-def bin_means(
-    places: Sequence[Bins], values: Sequence[Array], count: int, block: int = BLOCK
-) -> Binned:
+def bin_means(places: Sequence[Bins], values: Sequence[Array], count: int) -> Binned:
     """Average values in bins.
 
     Parameters
@@ -80,10 +86,8 @@ def bin_means(
         For each record (N,) values, uniform in time.
     count:
         B, the number of bins.
-    block:
-        Samples that are summed first.
     """
-    totals, numbers = _blocks(places, values, count, block)
+    totals, numbers = _blocks(places, values, count)
     number = numbers.sum(axis=0)
     with np.errstate(invalid='ignore', divide='ignore'):
         mean = totals.sum(axis=0) / number
@@ -94,17 +98,18 @@ def bin_means(
     own, pooled, visits = _variances(scores, numbers, noise, per_block > 0, width)
     known = (number >= FEWEST) & (visits >= LEAST_VISITS)
     with np.errstate(invalid='ignore', divide='ignore'):
-        mixed = (visits**2 / (visits - 1) * own + PRIOR * pooled) / (visits + PRIOR)
+        mixed = (visits * own + PRIOR * pooled) / (visits + PRIOR)
         sigma = np.where(known, np.sqrt(mixed) / number, np.nan)
-    freedom = np.maximum(visits, 1.0) + PRIOR
+    freedom = np.maximum(visits, 1.0) / WIDER + PRIOR
     band = student.ppf(LEVEL, freedom) * sigma
     return Binned(np.where(known, mean, np.nan), sigma, band, freedom, number)
 
 
 def _blocks(
-    places: Sequence[Bins], values: Sequence[Array], count: int, block: int
+    places: Sequence[Bins], values: Sequence[Array], count: int
 ) -> tuple[Array, Array]:
     """Return sums and numbers of samples (J, B) of each block in each bin."""
+    block = max(SHORTEST, sum(p.size for p in places) // MOST_BLOCKS)
     totals, numbers = [], []
     for place, value in zip(places, values, strict=True):
         good = (place >= 0) & np.isfinite(value)
@@ -131,29 +136,36 @@ def _variances(
     """Return the variance of each bin's sum (own, and of stationary noise), and its visits.
 
     Both sums over lags are taken in the frequency domain: the spectrum of the scores (or of the
-    numbers) times that of the lag window (or of the noise's windowed autocovariance).
+    numbers) times that of the lag window (or of the noise's windowed autocovariance).  Each bin's
+    own mean has been taken out and has taken with it what is slower than the window lets pass:
+    of a sum over n samples the share of their pairs that the window holds is lost.
     """
-    lags = int(np.ceil(width))
+    lags = int(min(np.ceil(WIDER * width), len(scores) - 1))
     size = int(2 ** np.ceil(np.log2(len(scores) + lags + 1)))
-    taper = np.maximum(1 - np.arange(lags + 1) / (width + 1), 0.0)
+    window = np.maximum(1 - np.arange(lags + 1) / (WIDER * width + 1), 0.0)
     spectrum = np.abs(np.fft.rfft(noise, size)) ** 2
     covariance = np.fft.irfft(spectrum, size)[: lags + 1] / max(int(np.sum(used)), 1)
-    own = _weighted(scores, size, taper)
-    pooled = _weighted(numbers, size, taper * covariance)
+    filled = np.any(numbers > 0, axis=0)
+    count = numbers[:, filled].sum(axis=0)
+    pairs, sums = _weighted(numbers[:, filled], size, window, window * covariance)
+    left = 1 - pairs / count**2
+    own, pooled, visits = np.zeros((3, scores.shape[1]))
+    own[filled] = _weighted(scores[:, filled], size, window)[0] / np.maximum(left, LEAST_LEFT)
+    pooled[filled] = sums / max(float(np.average(left, weights=count)), LEAST_LEFT)
     square = max(float(covariance[0]), 1e-300)
-    with np.errstate(invalid='ignore', divide='ignore'):
-        visits = np.where(pooled > 0, numbers.sum(axis=0) ** 2 * square / pooled, 0.0)
-    return np.maximum(own, 0.0), np.maximum(pooled, 0.0), visits
+    visits[filled] = count**2 * square / np.maximum(pooled[filled], 1e-300)
+    return np.maximum(own, 0.0), np.maximum(pooled, 0.0), np.where(pooled > 0, visits, 0.0)
 
 
-def _weighted(rows: Array, size: int, lag_weights: Array) -> Array:
-    """Return for each column the sum over lags of weight times autocorrelation at that lag."""
-    window = np.zeros(size)
-    window[: lag_weights.size] = lag_weights
-    window[size - lag_weights.size + 1 :] = lag_weights[:0:-1]
-    response = np.fft.rfft(window).real
+def _weighted(rows: Array, size: int, *windows: Array) -> list[Array]:
+    """Return, for each window, each column's sum over lags of weight times autocorrelation."""
     power = np.abs(np.fft.rfft(rows, size, axis=0)) ** 2
-    both = np.full(response.size, 2.0)
+    both = np.full(len(power), 2.0)
     both[[0, -1]] = 1.0
-    total: Array = (both * response) @ power / size
-    return total
+    sums = []
+    for weights in windows:
+        window = np.zeros(size)
+        window[: weights.size] = weights
+        window[size - weights.size + 1 :] = weights[:0:-1]
+        sums.append(np.asarray((both * np.fft.rfft(window).real) @ power / size))
+    return sums

@@ -139,7 +139,8 @@ class Share:
 def share_of(lacks: Sequence[Lack]) -> Share:
     """Return what a change of the base parameters can do to what is lacking."""
     names = tuple(name for name in lacks[0].forces if all(name in one.forces for one in lacks))
-    weights = {n: 1 / max(_spread([one.forces[n] for one in lacks]), 1e-300) for n in names}
+    spread = {n: _spread([one.forces[n] for one in lacks]) for n in names}
+    weights = {n: 1 / size if size > 0 else 1.0 for n, size in spread.items()}
     parameters = sorted({p for one in lacks for n in names for p in one.terms[n]})
     columns = [
         np.concatenate(

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.axes import axes_of, Axis, MAP_COLUMNS, MAP_ROWS
-from motor_sysid.diagnosis.bands import bin_means, BLOCK
+from motor_sysid.diagnosis.bands import bin_means
+from motor_sysid.diagnosis.bands import FEWEST as SAMPLES
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal, Share, share_of, smoothed
 from motor_sysid.diagnosis.residual import lacking_name
 from motor_sysid.diagnosis.result import ChannelError, Curve, Map, Where
@@ -19,6 +20,10 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 Predictions = Mapping[str, Array]
+
+LARGEST = 50.0
+"""Logarithm beyond which a band has no end; the square of an error is far from normal, so its band
+is taken of the logarithm."""
 
 FEWEST = 3
 """Filled bins that a curve needs."""
@@ -103,7 +108,7 @@ def errors_by(
         count = np.bincount(place[good], minlength=axis.count)
         total = np.bincount(place[good], weights=squared[good], minlength=axis.count)
         with np.errstate(invalid='ignore', divide='ignore'):
-            percent = 100 * np.sqrt(np.where(count >= BLOCK, total / count, np.nan))
+            percent = 100 * np.sqrt(np.where(count >= SAMPLES, total / count, np.nan))
         channels = {
             n: _channel_error(axis, records[0].units[n], [e[n] for e in errors]) for n in outputs
         }
@@ -170,9 +175,10 @@ def _channel_error(axis: Axis, unit: str, errors: Sequence[Array]) -> ChannelErr
     squares = [_smooth_square(e) for e in errors]
     overall = float(np.nanmean(np.concatenate(squares)))
     binned = bin_means(axis.places(), squares, axis.count)
-    with np.errstate(invalid='ignore'):
-        low, high = (np.sqrt(np.maximum(binned.mean + k * binned.band, 0.0)) for k in (-1, 1))
+    with np.errstate(invalid='ignore', divide='ignore'):
         rms = np.sqrt(np.maximum(binned.mean, 0.0))
+        spread = np.minimum(0.5 * binned.band / np.maximum(binned.mean, 1e-300), LARGEST)
+    low, high = rms * np.exp(-spread), rms * np.exp(spread)
     return ChannelError(unit, float(np.sqrt(overall)), rms, low, high, binned.chance(overall))
 
 
@@ -186,7 +192,7 @@ def _error_maps(
     maps = []
     for name in errors[0]:
         squares = [_smooth_square(e[name]) for e in errors]
-        binned = bin_means(_cells(x, y), squares, x.count * y.count, 4 * BLOCK)
+        binned = bin_means(_cells(x, y), squares, x.count * y.count)
         rms = np.sqrt(np.maximum(binned.mean, 0.0))
         with np.errstate(invalid='ignore', divide='ignore'):
             band = 0.5 * binned.band / rms
@@ -202,7 +208,7 @@ def _force_maps(model: Model, lacks: Sequence[Lack], axes: Mapping[str, Axis]) -
     maps = []
     for name, unit in _equations(model, lacks):
         values = [one.forces[name] for one in lacks]
-        binned = bin_means(_cells(x, y), values, x.count * y.count, 4 * BLOCK)
+        binned = bin_means(_cells(x, y), values, x.count * y.count)
         maps.append(_map(x, y, lacking_name(model, name), unit, binned.mean, binned.band))
     return maps
 

@@ -221,7 +221,7 @@ function makeWhere(view, mark) {
     }
     view.steps[step].where.forEach((r) => parts.push(table(`Error by ${r.axis}`,
       [`${r.axis}${bracketed(r.unit)}`, 'error', 'of error', 'of time'],
-      r.error_percent.map((v, k) => [`${digits(r.bins[k])} … ${digits(r.bins[k + 1])}`, percent(v),
+      r.error_percent.map((v, k) => [binText(r, k), percent(v),
         share(r.error_share[k]), share(r.time_share[k])]))));
     view.steps[step].where.forEach((r) => Object.entries(r.channels).forEach(([name, one]) =>
       parts.push(channelTable(r, name, one))));
@@ -229,10 +229,12 @@ function makeWhere(view, mark) {
     $('#numbers > div').replaceChildren(...parts);
   }
 
+  const binText = (r, k) => (r.axis === 'direction' ? WAYS[k] : `${digits(r.bins[k])} … ${digits(r.bins[k + 1])}`);
+
   function channelTable(r, name, one) {
     return table(`RMS ${name.replace(/_/g, ' ')} error by ${r.axis}, ${digits(one.overall)} ${unitText(one.unit)} in all`,
       [`${r.axis}${bracketed(r.unit)}`, `RMS${bracketed(one.unit)}`, '95 % band'],
-      one.rms.map((v, k) => [`${digits(r.bins[k])} … ${digits(r.bins[k + 1])}`, digits(v),
+      one.rms.map((v, k) => [binText(r, k), digits(v),
         v === null ? '–' : `${digits(one.low[k])} … ${digits(one.high[k])}`]));
   }
 
