@@ -16,10 +16,12 @@ from motor_sysid.estimation.batch import (
     fit_and_slopes,
     FitResult,
     Linearization,
+    misfit,
     Problem,
     Weighting,
 )
-from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
+from motor_sysid.physics.effect import Effect, Scale
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -38,6 +40,12 @@ UNPHYSICAL = 'unphysical sign'
 BRIEF, FULL = 1e-5, 1e-7
 """Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
 """
+
+ROUGH, ROUGH_STEPS = 1e-4, 12
+"""The same for a fit to some of the data, and its most steps."""
+
+_FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
+"""Scales of parameters that tell of a memory that fades within some samples."""
 
 FINE = 4
 """Integration steps per sample where one is not enough."""
@@ -135,17 +143,23 @@ class Trial:
 
 
 def climb(
-    model: Model, bench: Bench, start: Weighting | None = None, *, briefly: bool = False
+    model: Model,
+    bench: Bench,
+    start: Weighting | None = None,
+    *,
+    briefly: bool = False,
+    near: Sequence[Linearization] = (),
 ) -> Rung:
     """Fit a model on the training data and take its free-running errors.
 
     A trial fits `briefly`: it is followed by a projection, and the winner is fitted in full.
+    `near` holds residuals and derivatives of the model as it is, if they are known.
     """
     reweight, iterations = (1, 12) if briefly else (3, 30)
     problem = bench.problem(model)
     tolerance = BRIEF if briefly else FULL
     result, near = fit_and_slopes(
-        problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance
+        problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance, near=near
     )
     moved = with_best_moments(bench.problem(result.model), result.weighting)
     if moved is not result.model:
@@ -223,8 +237,51 @@ def try_effect(
     starts: Sequence[Scored], rung: Rung, bench: Bench, weighting: Weighting
 ) -> Trial:
     """Refit an effect from its best variants and keep the best refit."""
-    trials = [_try_variant(one, rung, bench, weighting) for one in starts]
-    return max(trials, key=lambda t: (t.delta_bic, t.passes))
+    return settled(try_roughly(starts, rung, bench, weighting), rung, bench, weighting)
+
+
+def try_roughly(
+    starts: Sequence[Scored], rung: Rung, bench: Bench, weighting: Weighting
+) -> Trial:
+    """Fit an effect from its best variants to some of the data, and judge the best on all."""
+    possible = [one for one in starts if not _impossible(one)]
+    if not possible:
+        one = starts[0]
+        return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
+    fits = [_rough_fit(_opened(one.variant.model, rung.model, one), rung, bench)
+            for one in possible]  # fmt: skip
+    best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
+    problem, fitted = bench.problem(fits[best].model), fits[best].weighting
+    near = tuple(problem.linearize(problem.vector()))
+    cost = normal_equations(near, fitted)[2]
+    at = Solution(problem.vector(), cost, False, 0, 0, near)
+    new = judge(result_at(problem, fitted, at, fits[best].simulations, 0), bench, near)
+    return _judged(possible[best], new, rung, bench, weighting)
+
+
+def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
+    """Fit a trial that was judged after a rough fit to all of the data."""
+    if not trial.rung.near:
+        return trial
+    rough = trial.rung
+    new = climb(rough.model, bench, rough.result.weighting, briefly=True, near=rough.near)
+    return _judged(trial.scored, replace(new, near=()), rung, bench, weighting, new.near)
+
+
+def _rough_fit(model: Model, rung: Rung, bench: Bench) -> FitResult:
+    """Fit a model to some of the data; to all, where an effect remembers for long."""
+    lasting = any(_lasts(effect(key)) for key in model.effects)
+    chains = bench.train if lasting else bench.rough
+    problem = Problem(model, chains, bench.outputs, substeps=bench.substeps)
+    return fit(
+        problem, rung.result.weighting, reweight=1, iterations=ROUGH_STEPS, tolerance=ROUGH
+    )
+
+
+def _lasts(one: Effect) -> bool:
+    """Whether an effect cannot be seen in pieces of a record: what it does depends on long ago."""
+    fast = any(p.scale in _FAST for p in one.card.parameters)
+    return bool(one.card.moment) or bool(one.card.states and not fast)
 
 
 def try_pair(
@@ -250,17 +307,19 @@ def gain_in_bic(before: Rung, after: Rung, bench: Bench, weighting: Weighting) -
     return old - new - extra * float(np.log(rows))
 
 
-def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
-    """Refit a variant with every parameter free and pass it through the gates."""
-    variant = scored.variant
-    if _impossible(scored):
-        return Trial(scored, rung, scored.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
-    model = _opened(variant.model, rung.model, scored)
-    new = climb(model, bench, rung.result.weighting, briefly=True)
+def _judged(
+    scored: Scored,
+    new: Rung,
+    rung: Rung,
+    bench: Bench,
+    weighting: Weighting,
+    near: Sequence[Linearization] = (),
+) -> Trial:
+    """Pass a refit through the gates; `near` if the refit does not hold its own."""
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
     before, rows = profile_cost(rung, bench, weighting)
-    after, _ = profile_cost(new, bench, weighting)
+    after, _ = profile_cost(replace(new, near=tuple(near)) if near else new, bench, weighting)
     extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
     delta = before - after - extra * float(np.log(rows))
     gain = 100 * (1 - _combined(new.held, rung.held))
@@ -269,7 +328,7 @@ def _try_variant(scored: Scored, rung: Rung, bench: Bench, weighting: Weighting)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     certain = small and _certain(rung.held, new.held, weighting)
     note = _gate(scored, new, rung, delta, gain, steady, certain, bench.threshold)
-    return Trial(scored, replace(new, near=()), delta, gain, steady, note, after / rows)
+    return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 
 def _impossible(scored: Scored) -> bool:

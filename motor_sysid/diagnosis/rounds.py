@@ -1,15 +1,23 @@
 """One round of a diagnosis: score every candidate on a fitted model, refit the best."""
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, Rung, slopes, Trial, try_effect
-from motor_sysid.diagnosis.score import score, Scores
+from motor_sysid.diagnosis.refit import best_per_effect, Rung, settled, slopes, Trial, try_roughly
+from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.physics.effect import Effect
 
 Tell = Callable[[str], None]
+
+WORKERS = 2
+"""Refits that may run at the same time; what they find does not depend on it."""
+
+CONTENDS = 0.4
+"""Share of the best trial's gain in BIC below which a trial keeps its rough fit."""
 
 
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:
@@ -29,13 +37,28 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
     -------
     Those that pass before others, best first.
     """
-    trials: list[Trial] = []
+    chosen: list[list[Scored]] = []
     special: set[str] = set()
     for starts in best_per_effect(scores.singles, limit):
         one = starts[0].variant.effect
-        if starts[0].delta_bic > 0.0 or one.key in special or not trials:
+        if starts[0].delta_bic > 0.0 or one.key in special or not chosen:
             special |= set(one.card.generalises)
-            tell(f'refitting with {starts[0].variant.effect.card.title}')
-            trials.append(try_effect(starts, rung, bench, scores.weighting))
+            chosen.append(starts)
+    tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
+
+    def roughly(starts: Sequence[Scored]) -> Trial:
+        return try_roughly(starts, rung, bench, scores.weighting)
+
+    def finally_(trial: Trial) -> Trial:
+        if trial.delta_bic >= CONTENDS * most:
+            return settled(trial, rung, bench, scores.weighting)
+        return replace(trial, rung=replace(trial.rung, near=()))
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        trials = list(pool.map(roughly, chosen))
+        most = max((trial.delta_bic for trial in trials), default=0.0)
+        count = sum(trial.delta_bic >= CONTENDS * most for trial in trials)
+        tell(f'refitting the best {count} of {len(trials)}')
+        trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials

@@ -94,12 +94,16 @@ def fit_and_slopes(
     floor: Array | float = 1e-12,
     iterations: int = 30,
     tolerance: float = 1e-7,
+    near: Sequence[Linearization] = (),
 ) -> tuple[FitResult, tuple[Linearization, ...]]:
-    """Fit as `fit` does; return residuals and derivatives at the solution, too."""
+    """Fit as `fit` does; return residuals and derivatives at the solution, too.
+
+    `near` holds those at the start, if they are known.
+    """
     if weighting is None:
         weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     solution = minimize(
-        problem, weighting, start=start, iterations=iterations, tolerance=tolerance
+        problem, weighting, start=start, iterations=iterations, tolerance=tolerance, near=near
     )
     simulations, steps = solution.simulations, solution.iterations
     for _ in range(reweight):
