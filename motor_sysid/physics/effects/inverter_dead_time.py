@@ -21,6 +21,7 @@ CARD = Card(
         Shape('i_0', 'A', 'half the ripple of the current', Scale.CURRENT, (0.25, 0.8), 0.1, 3.0),
     ),
     axis='current',
+    generalises={'brush_voltage_drop': (('v_d', 'v_b'),)},
 )  # fmt: skip
 
 
