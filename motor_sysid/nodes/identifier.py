@@ -43,6 +43,9 @@ from motor_sysid.nodes.topics import plan_signals, untyped, with_types
 FIELDS = {'position': 'position', 'speed': 'velocity', 'current': 'effort'}
 """Signal to the field of `JointState` that carries its prediction; effort holds the current, A."""
 
+TAKEN = 40
+"""Most messages taken from one topic in a step: after a stall the backlog comes in pieces."""
+
 
 class IdentifierNode(LoopNode):
     """Takes three topics in batches, joins them on their stamps and feeds the estimator.
@@ -125,7 +128,7 @@ class IdentifierNode(LoopNode):
                 batch.taken = time.perf_counter()
                 for event in self._pipeline.advance(self.settings.value.time_budget):
                     self._publish(event)
-            self.hurry = self._pipeline.collect() > 0
+            self.hurry = self._pipeline.collect() > 0 or batch.messages >= TAKEN
             if self._next is not None and not self._pipeline.stream.waiting:
                 self._adopt(self._next, self._pipeline.stream.changed)
         self._look()
@@ -133,7 +136,7 @@ class IdentifierNode(LoopNode):
     def _take(self, pipeline: Pipeline) -> int:
         count = 0
         for k, topic in enumerate(self._topics):
-            for message in topic.drain():
+            for message in topic.drain(TAKEN):
                 pipeline.push(k, message.data, message.received)
                 count += 1
         return count

@@ -1,8 +1,7 @@
 """Take messages in batches as raw bytes, beside the executor, and count what is lost."""
 
-from dataclasses import dataclass
 import importlib
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
 from rclpy.node import Node
@@ -34,8 +33,7 @@ class Unspun(CallbackGroup):
         """Do nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class RawMessage:
+class RawMessage(NamedTuple):
     """One message as it came: CDR bytes, receive time in ns, and the writer's count."""
 
     data: bytes

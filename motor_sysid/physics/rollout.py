@@ -29,6 +29,7 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
+_NO_CORE = np.empty((0, 0, 0))
 
 GROUP = 8
 """Lanes that are computed together: a block of fewer parameter vectors costs less."""
@@ -255,12 +256,13 @@ class Program:
         if delayed and self._delay_names:
             late, width = self._delays(full, dt)
         width /= substeps
-        with np.errstate(all='ignore'):
-            linear = self.kind.matrices(dict(zip(self.names, full, strict=True)))
-            matrices = [substep_matrices(*linear, w) for w in width]
-        a, b, g = (part if self._slopes[0].size else part[:0] for part in linear)
-        core = (_lane_last(a), _lane_last(b), _lane_last(g))
         wide = min(-(-used // GROUP) * GROUP, LANES)
+        with np.errstate(all='ignore'):
+            linear = self.kind.matrices(dict(zip(self.names, full[:, :wide], strict=True)))
+            matrices = [substep_matrices(*linear, w[:wide]) for w in width]
+        core = (_NO_CORE, _NO_CORE, _NO_CORE)
+        if self._slopes[0].size:
+            core = (_lane_last(linear[0]), _lane_last(linear[1]), _lane_last(linear[2]))
         return Workspace(_joined(matrices), width, wide, late, buffer, core)
 
     def begin(self, workspace: 'Workspace', x: Array) -> None:
@@ -395,15 +397,17 @@ def _filled(push: Array) -> Array:
 def _joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
     """Return what the kernel multiplies: all of the predictor side by side, and both force parts.
 
-    One set of matrices is given for each piece of a sample.
+    One set of matrices is given for each piece of a sample, for the lanes in use.
     """
-    e, input_part, force_part, force_slope = (
-        np.stack(same) for same in zip(*matrices, strict=True)
-    )
-    columns = (e, input_part, force_part)
-    missing = -sum(part.shape[2] for part in columns) % CHUNK
-    whole = np.concatenate((*columns, np.zeros((*e.shape[:2], missing, LANES))), axis=2)
-    return whole, force_part, force_slope
+    n, m, wide = matrices[0][2].shape
+    used = n + matrices[0][1].shape[1] + m
+    whole = np.zeros((len(matrices), n, -(-used // CHUNK) * CHUNK, LANES))
+    phi1_force, phi2_force = np.zeros((2, len(matrices), n, m, LANES))
+    for piece, (e, input_part, force_part, force_slope) in enumerate(matrices):
+        whole[piece, :, :used, :wide] = np.concatenate((e, input_part, force_part), axis=1)
+        phi1_force[piece, ..., :wide] = force_part
+        phi2_force[piece, ..., :wide] = force_slope
+    return whole, phi1_force, phi2_force
 
 
 def _lane_last(matrix: Array) -> Array:

@@ -20,7 +20,8 @@ Found = dict[str, tuple[float, float, float]]
 
 _SLOWEST, _FASTEST = 0.02, 0.15
 _KNOWN = 0.5
-_GATHERED = 50
+_GATHERED, _USED = 50, 10
+"""What the equations know is asked every 50 samples, and used 10 samples later: each costs time."""
 _REACH = 20.0
 
 
@@ -95,9 +96,11 @@ class Regressions:
         for equation, drive in zip(self._equations, self._drives, strict=True):
             equation.step(measured, tracked, h, drive, self._prior)
         self._count += 1
-        if self._count % _GATHERED:
+        phase = self._count % _GATHERED
+        if phase == 0:
+            self._found = self._gather()
+        if phase != _USED or not self._found:
             return False
-        self._found = self._gather()
         self._use(self.settled(self._found))
         return True
 
