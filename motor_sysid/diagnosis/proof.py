@@ -170,7 +170,7 @@ def _moved(first: Model, last: Model, name: str) -> Iterator[WrongParameter]:
     spread = math.hypot(old.sigma or 0.0, new.sigma or 0.0)
     size = max(abs(old.value), abs(new.value))
     change = abs(old.value - new.value)
-    if not math.isfinite(spread) or change < CERTAIN * spread or change < WORTH * size:
+    if not math.isfinite(spread) or change <= CERTAIN * spread or change < WORTH * size:
         return
     if not new.logarithmic:
         words = (
