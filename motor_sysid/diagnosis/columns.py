@@ -9,6 +9,7 @@ effect at once.
 """
 
 from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 import inspect
 
@@ -69,9 +70,13 @@ def columns(problem: Problem, tried: Sequence[Variant]) -> list[list[Array]]:
     found: dict[int, list[Array]] = {}
     if pushed:
         found |= zip(pushed, _pushed(problem, [touches[k] for k in pushed]), strict=True)
-    for key in dict.fromkeys(touches[k].variant.effect.key for k in alone):
-        own = [k for k in alone if touches[k].variant.effect.key == key]
-        found |= zip(own, _in_model(problem, [touches[k] for k in own]), strict=True)
+    keys = dict.fromkeys(touches[k].variant.effect.key for k in alone)
+    groups = [[k for k in alone if touches[k].variant.effect.key == key] for key in keys]
+    with ThreadPoolExecutor(problem.threads) as pool:
+        for own, parts in zip(groups, pool.map(
+            lambda own: _in_model(problem, [touches[k] for k in own]), groups
+        ), strict=True):  # fmt: skip
+            found |= zip(own, parts, strict=True)
     result, first = [], 0
     for variant in tried:
         count = len(_touches(variant))
@@ -152,7 +157,7 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     forces = [force.name for force in problem.model.kind.forces]
     acting = [k for k, t in enumerate(touches) if set(t.variant.effect.laws) & set(forces)]
     pushes = {
-        number: np.zeros((len(path['t']), 2, len(forces), len(acting) + 1))
+        number: np.zeros((len(acting) + 1, 2, len(forces), len(path['t']))).transpose(3, 1, 2, 0)
         for number, (path, _) in enumerate(paths)
     }
     for number, (path, ended) in enumerate(paths):

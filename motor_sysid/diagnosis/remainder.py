@@ -7,6 +7,7 @@ judged on the held-out data: the share of the remaining error that it predicts t
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +23,7 @@ _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
 _TAPS, _TAP_WIDTH = 120, 4
 _RIDGE, _STRONG_RIDGE = 1e-4, 0.1
 _FOLDS = 12
+_ROWS = 24_000
 
 
 @dataclass(frozen=True)
@@ -96,8 +98,9 @@ def _predictable(
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     orders: Sequence[int],
 ) -> float:
-    x, y = _regression(training, chains[0], orders)
-    xv, yv = _regression(held, chains[1], orders)
+    stride = max(sum(len(r) for r in training.residuals) // _ROWS, 1)
+    x, y = _regression(training, chains[0], orders, stride)
+    xv, yv = _regression(held, chains[1], orders, stride)
     if len(x) < 4 * x.shape[1] or len(xv) < 20:
         return 0.0
     middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-12
@@ -113,22 +116,26 @@ def _predictable(
 
 def _cross_validated(x: Array, y: Array) -> float:
     """Return the largest share of a column of y that regressions on other blocks predict."""
-    block = np.arange(len(x)) * _FOLDS // len(x)
-    grams = [x[block == k].T @ x[block == k] for k in range(_FOLDS)]
-    sides = [x[block == k].T @ y[block == k] for k in range(_FOLDS)]
+    edges = [-(-len(x) * k // _FOLDS) for k in range(_FOLDS + 1)]
+    folds = [(x[a:b], y[a:b]) for a, b in pairwise(edges)]
+    grams = [part.T @ part for part, _ in folds]
+    sides = [part.T @ target for part, target in folds]
     gram = np.sum(grams, axis=0) + _RIDGE * len(x) * np.eye(x.shape[1])
     side = np.sum(sides, axis=0)
     left = np.zeros(y.shape[1])
-    for k in range(_FOLDS):
-        weights = np.linalg.solve(gram - grams[k], side - sides[k])
-        left += np.sum((y[block == k] - x[block == k] @ weights) ** 2, axis=0)
+    for own, other, (part, target) in zip(grams, sides, folds, strict=True):
+        weights = np.linalg.solve(gram - own, side - other)
+        left += np.sum((target - part @ weights) ** 2, axis=0)
     return float(np.max(1 - left / np.maximum(np.sum(y**2, axis=0), 1e-300)))
 
 
 def _regression(
-    comparison: Comparison, chains: Sequence[Chain], orders: Sequence[int]
+    comparison: Comparison, chains: Sequence[Chain], orders: Sequence[int], stride: int
 ) -> tuple[Array, Array]:
-    """Return features of the simulated motion (K, f) and residuals (K, n_y)."""
+    """Return features of the simulated motion (K, f) and residuals (K, n_y).
+
+    Of long records only every `stride`-th row is taken.
+    """
     stretches = [s for chain in chains for s in chain if s.scored]
     rows, targets = [], []
     scale = np.sqrt(np.mean(np.concatenate(comparison.measured) ** 2, axis=0)) + 1e-300
@@ -151,15 +158,15 @@ def _regression(
             ),
             axis=1,
         )
-        lagged = [shaped[longest - lag : len(shaped) - lag] for lag in _LAGS]
+        lagged = [shaped[longest - lag : len(shaped) - lag : stride] for lag in _LAGS]
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
         mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
         ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
         begins = [end - _TAP_WIDTH for end in ends]
-        lagged += [mean[begin : begin + len(shaped) - longest] for begin in begins]
-        clock = np.linspace(-1, 1, len(shaped))[longest:, np.newaxis]
+        lagged += [mean[begin : begin + len(shaped) - longest : stride] for begin in begins]
+        clock = np.linspace(-1, 1, len(shaped))[longest::stride, np.newaxis]
         rows.append(np.concatenate([clock * lagged[0], *lagged], axis=1))
-        targets.append(residual[longest:])
+        targets.append(residual[longest::stride])
     if not rows:
         return np.empty((0, 1)), np.empty((0, comparison.residuals[0].shape[1]))
     return np.concatenate(rows), np.concatenate(targets)

@@ -16,8 +16,9 @@ Tell = Callable[[str], None]
 WORKERS = 2
 """Refits that may run at the same time; what they find does not depend on it."""
 
-CONTENDS = 0.4
-"""Share of the best trial's gain in BIC below which a trial keeps its rough fit."""
+SHARE, BEHIND = 0.9, 100.0
+"""A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
+this much behind it: it is neither the winner nor a rival."""
 
 
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:
@@ -50,15 +51,17 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
         return try_roughly(starts, rung, bench, scores.weighting)
 
     def finally_(trial: Trial) -> Trial:
-        if trial.delta_bic >= CONTENDS * most:
+        if contends(trial):
             return settled(trial, rung, bench, scores.weighting)
         return replace(trial, rung=replace(trial.rung, near=()))
+
+    def contends(trial: Trial) -> bool:
+        return trial.delta_bic >= min(SHARE * most, most - BEHIND)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         trials = list(pool.map(roughly, chosen))
         most = max((trial.delta_bic for trial in trials), default=0.0)
-        count = sum(trial.delta_bic >= CONTENDS * most for trial in trials)
-        tell(f'refitting the best {count} of {len(trials)}')
+        tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials

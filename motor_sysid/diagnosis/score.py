@@ -280,14 +280,20 @@ def best_pairs(
         along = np.concatenate((along_a, along_b))
         both = np.linalg.lstsq(gram, along, rcond=1e-6)[0]
         gain = float(both @ along)
+        price = sum(s.gain - s.delta_bic for s in (scored[k], scored[m]))
+        found.append((gain - price, gain, k, m, both))
+    found.sort(key=lambda one: -one[0])
+    pairs: list[tuple[Scored, Scored]] = []
+    for _, gain, k, m, both in found:
+        width = parts[k].along.size
         pair = _with_amplitudes(scored[k], parts[k].back @ both[:width], gain), _with_amplitudes(
             scored[m], parts[m].back @ both[width:], gain
         )
         if all(one.allowed for one in pair):
-            price = sum(s.gain - s.delta_bic for s in (scored[k], scored[m]))
-            found.append((gain - price, pair))
-    found.sort(key=lambda one: -one[0])
-    return [pair for _, pair in found[:PAIRS]]
+            pairs.append(pair)
+        if len(pairs) == PAIRS:
+            break
+    return pairs
 
 
 def _related(one: Effect, other: Effect) -> bool:

@@ -369,7 +369,8 @@ class Problem:
         found = []
         for stretch, run in zip(self.stretches, self.simulate(cloud, shifts), strict=True):
             slope = (run[:, :, 1 : 1 + d] - run[:, :, 1 + d : 1 + 2 * d]) / (up - down)
-            slope = np.where(np.isfinite(slope), slope, 0.0)  # a step into what is no motor
+            if not np.all(np.isfinite(slope)):  # a step into what is no motor
+                slope = np.where(np.isfinite(slope), slope, 0.0)
             tail = run[:, :, 1 + 2 * d :]
             wanted = [k for k, state in enumerate(self._open) if state in stretch.open_states]
             start = 0.5 * (tail[:, :, 0::2] - tail[:, :, 1::2])[:, :, wanted]
