@@ -5,7 +5,17 @@ from dataclasses import replace
 from fake_diagnosis import build_diagnosis
 import numpy as np
 
-from motor_sysid.diagnosis.result import Curve, Diagnosis, Step, Verdict
+from motor_sysid.diagnosis.result import (
+    AxisShare,
+    BlindSpot,
+    ChannelError,
+    Curve,
+    Diagnosis,
+    Map,
+    Step,
+    Unknown,
+    Verdict,
+)
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Provenance, Record
 
@@ -119,3 +129,51 @@ def tiny() -> Diagnosis:
     step = Step(Model.base('brushed_dc_reduced'), 0.0, 0.0, {'speed': 0.0},
                 ({'speed': np.zeros(2)},))  # fmt: skip
     return Diagnosis(Verdict.COMPLETE, (), (step,), 0.0, {}, (), (record,), ('validate',))
+
+
+def unknown_shape() -> Diagnosis:
+    """Return a diagnosis with everything that tells where and what: maps, bands, an unknown."""
+    whole = build_diagnosis(10.0)
+    base = whole.steps[0]
+    edges_x, edges_y = np.linspace(-100, 100, 6), np.linspace(-2, 2, 5)
+    value = 5e-3 * np.outer(np.linspace(-1, 1, 4), np.linspace(-1, 1, 5))
+    value[0, 0] = np.nan
+    axes = ('speed', 'rad/s', 'current', 'A')
+    maps = (
+        Map(*axes, 'speed error', 'rad/s', edges_x, edges_y, np.abs(value) * 400, value * 0 + 0.1),
+        Map(*axes, 'current error', 'A', edges_x, edges_y, np.abs(value) * 9, value * 0 + 1e-3),
+        Map(*axes, 'unexplained torque', 'N m', edges_x, edges_y, value, value * 0 + 2e-3),
+    )
+    rms = np.linspace(0.3, 2.0, 12)
+    rms[3] = np.nan
+    channels = {
+        'speed': ChannelError('rad/s', 1.1, rms, 0.8 * rms, 1.3 * rms, 1e-5),
+        'current': ChannelError('A', 0.02, 0.02 + 0 * rms, 0.01 + 0 * rms, 0.03 + 0 * rms, 0.6),
+    }
+    curves = (
+        replace(base.curves[0], chance=1e-9),
+        replace(base.curves[1], chance=0.4, law=None),
+        base.curves[2],
+    )
+    step = replace(
+        base, maps=maps, curves=curves, where=(replace(base.where[0], channels=channels),)
+    )
+    shares = (('speed', 0.93, True), ('recent input', 0.6, False), ('time', 0.02, False))
+    found = Unknown(
+        'torque', 'unexplained torque', 'N m', 4e-3, 1e-3, 'speed', 0.93,
+        'odd, constant beyond 2 rad/s', 1.1e-2,
+        'The unexplained torque looks like a function of speed: odd, constant beyond 2 rad/s.',
+        tuple(AxisShare('torque', 'unexplained torque', 'N m', a, v, 9.0, b)
+              for a, v, b in shares),
+        curves[0],
+    )  # fmt: skip
+    quiet = replace(
+        found, quantity='unexplained voltage', axis='', shape='', curve=None, axes=(),
+        words='The unexplained voltage is no more than sensor noise makes.',
+    )  # fmt: skip
+    spot = BlindSpot('one_direction', ('b',), (), 'It turns one way only.', 'record both')
+    return replace(
+        whole, verdict=Verdict.UNKNOWN_EFFECT, effects=(), steps=(step,),
+        reasons=('Something is missing.', found.words), unknown=(found, quiet),
+        blind_spots=(spot,),
+    )  # fmt: skip

@@ -22,7 +22,9 @@ if TYPE_CHECKING:
 pytest.importorskip('playwright.sync_api')
 
 SIZES = ((1600, 1000), (1280, 800), (820, 1180))
-VARIANTS = ('several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny')
+VARIANTS = (
+    'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
+)  # fmt: skip
 
 
 @pytest.fixture(scope='module')
@@ -304,6 +306,58 @@ def test_other_machines_and_odd_records_are_shown_too(
     assert not re.search(r'NaN|Infinity|undefined|null', watched.text('body'))
     assert watched.page.title().startswith('motor_sysid report')
     watched.context.close()
+
+
+@pytest.fixture
+def unknown(chromium: 'Browser', tmp_path: Path) -> Iterator[Watched]:
+    """Return the report of something unknown, open; nothing may have gone wrong by the end."""
+    path = write_report(fake_variants.unknown_shape(), tmp_path / 'unknown.html')
+    watched = Watched(chromium, path)
+    yield watched
+    assert watched.trouble == []
+    watched.context.close()
+
+
+def test_something_unknown_is_shown_with_its_axis_and_shape(unknown: Watched) -> None:
+    assert 'looks like a function of speed: odd' in unknown.text('#headline')
+    assert 'odd, constant beyond 2 rad/s' in unknown.text('#lives')
+    assert unknown.page.locator('#lives figure').count() == 1  # the quiet equation is left out
+    assert unknown.page.locator('#lives path.law').count() == 1
+    assert unknown.text('.axis-share.best').split() == ['speed', '93', '%']
+    unknown.page.click('#blind summary')
+    assert 'It turns one way only. Record both.' in unknown.text('#blind')
+
+
+def test_the_map_can_show_each_channel_and_each_equation(unknown: Watched) -> None:
+    page = unknown.page
+    picker = page.locator('#map-title select')
+    picker.select_option('unexplained torque')
+    assert page.locator('#map rect.layer').count() == 19  # one of 20 cells is empty
+    assert page.locator('#map rect.layer.unsure').count() > 0
+    assert page.locator('#map rect.layer.above').count() > 0
+    assert page.locator('#map rect.layer.below').count() > 0
+    page.locator('#map rect.layer.above').last.hover()
+    assert '±' in unknown.text('#tip')
+    picker.select_option('current error')
+    assert page.locator('#map rect.layer').count() == 19
+    picker.select_option('')
+    assert page.locator('#map rect[data-cell]').count() > 0
+
+
+def test_curves_say_what_is_noise_and_show_errors_by_channel(unknown: Watched) -> None:
+    page = unknown.page
+    labels = page.locator('#curves select').first.locator('option').all_inner_texts()
+    assert labels[0] == 'unexplained torque by speed'
+    assert 'unexplained torque by position (noise)' in labels
+    assert labels.index('unexplained torque by position (noise)') > labels.index(
+        'unexplained torque by current'
+    )
+    page.locator('#curves select').first.select_option('speed:speed')
+    assert page.locator('#curves figure').first.locator('line.overall').count() == 1
+    page.locator('#curves select').first.select_option('current:speed')
+    assert 'even within noise' in page.locator('#curves figure').first.inner_text()
+    page.click('#numbers summary')
+    assert 'RMS speed error by speed, 1.10 rad/s in all' in unknown.text('#numbers')
 
 
 def axe_script() -> str:

@@ -22,7 +22,9 @@ from motor_sysid.workbench.report import asset, report_html, SCRIPTS, STYLES, wr
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view, load_view, save_view
 
-VARIANTS = ('several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny')
+VARIANTS = (
+    'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
+)  # fmt: skip
 
 
 def unpack(text: str, kind: str = '<f4') -> np.ndarray:
@@ -186,6 +188,25 @@ def test_panels_group_phases_and_put_the_primary_first() -> None:
     assert list(panels) == ['speed', 'current', 'voltage']
     assert panels['current'] == ['current_a', 'current_b', 'current_c']
     assert [c['label'] for c in view['channels'] if c['key'].startswith('voltage')] == list('abc')
+
+
+def test_what_is_unknown_and_where_it_fails_reach_the_page() -> None:
+    found = fake_variants.unknown_shape()
+    view = build_view(found)
+    first, quiet = view['verdict']['unknown']
+    assert (first['axis'], first['axes'][0]['best'], quiet['curve']) == ('speed', True, None)
+    assert first['curve'] is not None
+    assert unpack(first['curve']['mean']).size == found.steps[0].curves[0].x.size
+    assert view['verdict']['blind_spots'] == [
+        {'words': 'It turns one way only.', 'remedy': 'record both'}
+    ]
+    step = view['steps'][0]
+    assert [layer['quantity'] for layer in step['maps']][-1] == 'unexplained torque'
+    drawn = step['maps'][-1]
+    assert unpack(drawn['value']).size == (len(drawn['x_edges']) - 1) * (len(drawn['y_edges']) - 1)
+    speed = step['where'][0]['channels']['speed']
+    assert (speed['overall'], speed['rms'][3], speed['low'][0]) == (1.1, None, 0.24)
+    assert [c['chance'] for c in step['curves']] == [1e-9, 0.4, None]
 
 
 def test_a_linear_axis_shows_position_in_metres_and_force() -> None:
