@@ -22,12 +22,15 @@ The kernel works on blocks of 32 parameter vectors; the last axis of every array
 from numba import njit
 import numpy as np
 
+from motor_sysid.physics.effect import ARGUMENTS
 from motor_sysid.physics.implicit import JUMP, prepare, ROWS, secants, settle
 from motor_sysid.physics.native import as_pointer, call_lane, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 
 CHUNK = 3
 """Products that are summed at a time."""
+
+OMEGA, THETA = ARGUMENTS.index('omega'), ARGUMENTS.index('theta')
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -103,10 +106,15 @@ def run_block(  # type: ignore[no-untyped-def]
         answers[stiff_force[i]] = True
     now, h, here, there = np.zeros((4, LANES))
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
-    position_row = -1
+    position_row = speed_row = -1
     for j in range(n):
-        if state_rows[j] == 2:
+        if state_rows[j] == OMEGA:
+            speed_row = j
+        elif state_rows[j] == THETA:
             position_row = j
+    if position_row >= 0 and speed_row >= 0:
+        for k in range(wide):  # the sample before the first is not known: as if speed had been held
+            previous[position_row, k] -= dt * x[speed_row, k]
     time_at = time_row * LANES
 
     for sample in range(first, count):
