@@ -24,6 +24,7 @@ _SYMBOLS = {
     'viscous_friction_Nms': 'b',
     'mass_total_kg': 'J',
     'viscous_friction_Ns_per_m': 'b',
+    'rated_torque_Nm': 'rated_torque',
 }
 
 
@@ -36,7 +37,7 @@ class Datasheet:
     motor:
         Motor kind, or None.
     nominal:
-        Parameter symbol to value in SI.
+        Parameter symbol to value in SI; and `rated_torque` in N m.
     """
 
     motor: str | None
