@@ -12,12 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import next_fast_len, rfft
 from scipy.stats import t as student
 
 Array = NDArray[np.float64]
 Bins = NDArray[np.intp]
 
-SHORTEST, MOST_BLOCKS = 3, 8000
+SHORTEST, MOST_BLOCKS = 3, 5000
 """Samples that are summed before anything else, at least; and blocks that are enough."""
 
 FEWEST = 12
@@ -141,7 +142,7 @@ def _variances(
     of a sum over n samples the share of their pairs that the window holds is lost.
     """
     lags = int(min(np.ceil(WIDER * width), len(scores) - 1))
-    size = int(2 ** np.ceil(np.log2(len(scores) + lags + 1)))
+    size = next_fast_len(len(scores) + lags + 1, real=True)
     window = np.maximum(1 - np.arange(lags + 1) / (WIDER * width + 1), 0.0)
     spectrum = np.abs(np.fft.rfft(noise, size)) ** 2
     covariance = np.fft.irfft(spectrum, size)[: lags + 1] / max(int(np.sum(used)), 1)
@@ -159,13 +160,16 @@ def _variances(
 
 def _weighted(rows: Array, size: int, *windows: Array) -> list[Array]:
     """Return, for each window, each column's sum over lags of weight times autocorrelation."""
-    power = np.abs(np.fft.rfft(rows, size, axis=0)) ** 2
-    both = np.full(len(power), 2.0)
-    both[[0, -1]] = 1.0
+    wave = rfft(np.ascontiguousarray(rows.T), size, axis=1)
+    power = wave.real**2 + wave.imag**2
+    both = np.full(power.shape[1], 2.0)
+    both[0] = 1.0
+    if size % 2 == 0:
+        both[-1] = 1.0
     sums = []
     for weights in windows:
         window = np.zeros(size)
         window[: weights.size] = weights
         window[size - weights.size + 1 :] = weights[:0:-1]
-        sums.append(np.asarray((both * np.fft.rfft(window).real) @ power / size))
+        sums.append(np.asarray(power @ (both * np.fft.rfft(window).real) / size))
     return sums

@@ -46,7 +46,10 @@ def candidate_of(
 def _curve(
     trial: Trial, base: Rung, failure: Failure, records: Sequence[Record]
 ) -> Curve | None:
-    """Return the curve on the effect's axis, and what the refitted model says it should be."""
+    """Return the curve on the effect's axis, and what the refitted model says it should be.
+
+    Only a trial that passes gets that law: its run is one of the costs of a diagnosis.
+    """
     one = trial.scored.variant.effect
     forces = [f.name for f in base.model.kind.forces]
     force = next((name for name in one.laws if name in forces), forces[0])
@@ -54,7 +57,7 @@ def _curve(
     curve = next(
         (c for c in failure.curves if c.axis == one.card.axis and c.quantity == wanted), None
     )
-    if curve is None or trial.rung.model is base.model:
+    if curve is None or not trial.passes or trial.rung.model is base.model:
         return curve
     told = orthogonal(_difference(trial.rung, base, failure, records), failure.share)
     axis = failure.axes[curve.axis]
