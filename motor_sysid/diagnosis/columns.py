@@ -108,13 +108,16 @@ def _in_model(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     program = Program.of(model, problem.outputs)
     lanes = [touch.values for touch in touches]
     still = [_switched_off(touch.variant) for touch in touches]
+    if not touches[0].variant.inherits:
+        still = still[:1]  # whatever its shape, an effect that is off does nothing
     table = {name: np.array([v[name] for v in (*lanes, *still)]) for name in program.names}
     both = _run(program, problem, table)
     count = len(touches)
     return [
-        [_finite((run[:, :, k] - run[:, :, count + k]) / touch.size) for run in both]
+        [_finite((run[:, :, k] - run[:, :, min(count + k, run.shape[2] - 1)]) / touch.size)
+         for run in both]
         for k, touch in enumerate(touches)
-    ]
+    ]  # fmt: skip
 
 
 def _switched_off(variant: Variant) -> dict[str, float]:

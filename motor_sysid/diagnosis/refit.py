@@ -37,6 +37,9 @@ every further one, for what the first does not fit to the last detail looks like
 
 UNPHYSICAL = 'unphysical sign'
 
+BRIEF_STEPS = 8
+"""Most steps of a fit of a trial, which begins near its end."""
+
 BRIEF, FULL = 1e-5, 1e-7
 """Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
 """
@@ -155,7 +158,7 @@ def climb(
     A trial fits `briefly`: it is followed by a projection, and the winner is fitted in full.
     `near` holds residuals and derivatives of the model as it is, if they are known.
     """
-    reweight, iterations = (1, 12) if briefly else (3, 30)
+    reweight, iterations = (1, BRIEF_STEPS) if briefly else (3, 30)
     problem = bench.problem(model)
     tolerance = BRIEF if briefly else FULL
     result, near = fit_and_slopes(
