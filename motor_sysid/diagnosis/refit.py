@@ -264,7 +264,7 @@ def try_roughly(
 
 def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
     """Fit a trial that was judged after a rough fit to all of the data."""
-    if not trial.rung.near:
+    if trial.rung is rung:
         return trial
     rough = trial.rung
     new = climb(rough.model, bench, rough.result.weighting, briefly=True, near=rough.near)

@@ -53,7 +53,7 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
     def finally_(trial: Trial) -> Trial:
         if contends(trial):
             return settled(trial, rung, bench, scores.weighting)
-        return replace(trial, rung=replace(trial.rung, near=()))
+        return trial if trial.rung is rung else replace(trial, rung=replace(trial.rung, near=()))
 
     def contends(trial: Trial) -> bool:
         return trial.delta_bic >= min(SHARE * most, most - BEHIND)
