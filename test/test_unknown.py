@@ -8,7 +8,7 @@ import pytest
 
 from motor_sysid.diagnosis.figures import with_unit
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.result import Unknown
+from motor_sysid.diagnosis.found import Unknown
 from motor_sysid.diagnosis.shapes import shapes_of, standing_orders
 from motor_sysid.diagnosis.unknown import unknown_of
 from motor_sysid.diagnosis.where import failure_of

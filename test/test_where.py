@@ -7,8 +7,8 @@ import pytest
 from motor_sysid.diagnosis.axes import axes_of
 from motor_sysid.diagnosis.bands import bin_means
 from motor_sysid.diagnosis.compare import compare
+from motor_sysid.diagnosis.drawn import Curve, Where
 from motor_sysid.diagnosis.lacking import lack_of, orthogonal, share_of
-from motor_sysid.diagnosis.result import Curve, Where
 from motor_sysid.diagnosis.where import Failure, failure_of
 from motor_sysid.estimation.batch import make_chain
 from motor_sysid.physics.model import Model, SpeedSensor

@@ -2,8 +2,9 @@
 
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.diagnose import diagnose, Settings
+from motor_sysid.diagnosis.drawn import Curve, Where
 from motor_sysid.diagnosis.experiment import Experiment, Limits, suggest_experiment
-from motor_sysid.diagnosis.result import Candidate, Curve, Diagnosis, Step, Verdict, Where
+from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.suggest import suggest
 
 __all__ = [

@@ -10,8 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.found import Rivalry
 from motor_sysid.diagnosis.residual import balance, measured_states
-from motor_sysid.diagnosis.result import Candidate, Rivalry, Step
+from motor_sysid.diagnosis.result import Candidate, Step
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record

@@ -7,7 +7,7 @@ import re
 import numpy as np
 
 from motor_sysid.diagnosis.figures import with_unit
-from motor_sysid.diagnosis.result import BlindSpot
+from motor_sysid.diagnosis.found import BlindSpot
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.checks import excitation

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.axes import axes_of
+from motor_sysid.diagnosis.drawn import Where
 from motor_sysid.diagnosis.lacking import lack_of
-from motor_sysid.diagnosis.result import Where
 from motor_sysid.diagnosis.where import errors_by
 from motor_sysid.estimation.batch import Chain, Problem
 from motor_sysid.physics.model import Model

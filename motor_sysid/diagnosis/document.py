@@ -1,8 +1,9 @@
 """A diagnosis as JSON: schema ``motor_sysid/diagnosis/1`` (docs/diagnosis.md)."""
 
+from motor_sysid.diagnosis.drawn import ChannelError, Where
 from motor_sysid.diagnosis.findings import curve_document, findings_document, map_document
 from motor_sysid.diagnosis.plain import Json, number, numbers
-from motor_sysid.diagnosis.result import Candidate, ChannelError, Diagnosis, Step, Where
+from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step
 from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.physics.model import Model
 

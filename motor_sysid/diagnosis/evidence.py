@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.drawn import Curve
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal
 from motor_sysid.diagnosis.refit import parameters_of, Rung, Trial
 from motor_sysid.diagnosis.residual import lacking_name
-from motor_sysid.diagnosis.result import Candidate, Curve
+from motor_sysid.diagnosis.result import Candidate
 from motor_sysid.diagnosis.where import Failure, mean_in
 from motor_sysid.signals.record import Record
 

@@ -6,9 +6,10 @@ from dataclasses import replace
 from motor_sysid.diagnosis import words
 from motor_sysid.diagnosis.apart import rivalries_of
 from motor_sysid.diagnosis.blind import blind_spots, undetermined
+from motor_sysid.diagnosis.found import Unknown
 from motor_sysid.diagnosis.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.diagnosis.remainder import Remainder
-from motor_sysid.diagnosis.result import Diagnosis, Step, Unknown, Verdict
+from motor_sysid.diagnosis.result import Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.unknown import unknown_of
 from motor_sysid.diagnosis.where import failure_of
 

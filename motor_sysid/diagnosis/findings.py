@@ -1,7 +1,9 @@
 """Curves, maps, evidence and blind spots of a diagnosis as plain values."""
 
+from motor_sysid.diagnosis.drawn import Curve, Map
+from motor_sysid.diagnosis.found import Evidence, Unknown, WrongParameter
 from motor_sysid.diagnosis.plain import Json, number, numbers
-from motor_sysid.diagnosis.result import Curve, Diagnosis, Evidence, Map, Unknown, WrongParameter
+from motor_sysid.diagnosis.result import Diagnosis
 
 
 def findings_document(diagnosis: Diagnosis) -> dict[str, Json]:

@@ -7,8 +7,9 @@ import math
 import numpy as np
 
 from motor_sysid.diagnosis.figures import with_unit
+from motor_sysid.diagnosis.found import Evidence, WrongParameter
 from motor_sysid.diagnosis.refit import parameters_of
-from motor_sysid.diagnosis.result import Candidate, Evidence, Step, WrongParameter
+from motor_sysid.diagnosis.result import Candidate, Step
 from motor_sysid.physics.effect import Amplitude
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import linear_unit, Model

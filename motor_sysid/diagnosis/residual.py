@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from motor_sysid.diagnosis.result import Curve
 from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -228,26 +227,3 @@ def surroundings(spectrum: Array, reach: int) -> Array:
         windows = np.lib.stride_tricks.sliding_window_view(spectrum[1:], width)
         found[inner.start : inner.stop] = np.median(windows, axis=1)
     return found
-
-
-def curve(
-    axis: str, axis_unit: str, quantity: str, unit: str, x: Array, y: Array, edges: Array
-) -> Curve | None:
-    """Average `y` in bins of `x`; None where fewer than three bins are filled.
-
-    The band is two standard errors, with one independent sample in each filter window.
-    """
-    centres, means, bands = [], [], []
-    place = np.digitize(x, edges) - 1
-    for k in range(edges.size - 1):
-        inside = y[place == k]
-        if inside.size < 8:
-            continue
-        centres.append(float(np.mean(x[place == k])))
-        means.append(float(np.mean(inside)))
-        bands.append(float(2 * np.std(inside) / np.sqrt(max(inside.size / WINDOW, 1))))
-    if len(centres) < 3:
-        return None
-    return Curve(
-        axis, axis_unit, quantity, unit, np.array(centres), np.array(means), np.array(bands)
-    )

@@ -13,7 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.axes import Axis, own_time
+from motor_sysid.diagnosis.drawn import Curve
 from motor_sysid.diagnosis.figures import with_unit
+from motor_sysid.diagnosis.found import AxisShare, Unknown
 from motor_sysid.diagnosis.free import (
     CONSTANT,
     DRIFT_KNOTS,
@@ -24,7 +26,6 @@ from motor_sysid.diagnosis.free import (
     RECENT,
 )
 from motor_sysid.diagnosis.residual import lacking_name
-from motor_sysid.diagnosis.result import AxisShare, Curve, Unknown
 from motor_sysid.diagnosis.rows import Rows, rows_of
 from motor_sysid.diagnosis.shapes import Shape, shapes_of
 from motor_sysid.diagnosis.where import curve_on, Failure

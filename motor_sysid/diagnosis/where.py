@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.axes import axes_of, Axis, MAP_COLUMNS, MAP_ROWS
 from motor_sysid.diagnosis.bands import bin_means
 from motor_sysid.diagnosis.bands import FEWEST as SAMPLES
+from motor_sysid.diagnosis.drawn import ChannelError, Curve, Map, Where
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal, Share, share_of, smoothed
 from motor_sysid.diagnosis.residual import lacking_name
-from motor_sysid.diagnosis.result import ChannelError, Curve, Map, Where
 from motor_sysid.physics.model import linear_unit, Model
 from motor_sysid.signals.record import Record
 

@@ -2,16 +2,9 @@
 
 from collections.abc import Mapping, Sequence
 
+from motor_sysid.diagnosis.found import BlindSpot, Evidence, Rivalry, Unknown, WrongParameter
 from motor_sysid.diagnosis.remainder import Remainder
-from motor_sysid.diagnosis.result import (
-    BlindSpot,
-    Evidence,
-    Rivalry,
-    Step,
-    Unknown,
-    Verdict,
-    WrongParameter,
-)
+from motor_sysid.diagnosis.result import Step, Verdict
 from motor_sysid.physics.effects import effect
 
 _EXPERIMENTS = {
