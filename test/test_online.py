@@ -1,5 +1,10 @@
 """Online estimators: they find the known motor, say how well, and survive bad data."""
 
+import os
+from pathlib import Path
+import subprocess
+import sys
+
 from closed_loop import drive, DT, FRICTION, samples, TRUE, true_motor, WRONG, wrong_motor
 import numpy as np
 import pytest
@@ -270,6 +275,37 @@ def test_every_kind_and_effect_runs(key, kind):
     feed(online, samples()[:400], outputs=[columns[name] for name in outputs])
     is_sound(online)
     assert set(online.estimate()) == {p.name for p in model.parameters.free}
+
+
+FRESH = """
+import gc
+import numpy as np
+from numba.core.dispatcher import Dispatcher
+from closed_loop import DT, samples, wrong_motor
+from motor_sysid.estimation.online import OnlineIdentifier
+
+rows = samples(1.6).copy()
+rows[700, 2] = rows[720:730, 3] = rows[650, 1] = float('nan')
+model = wrong_motor().with_effect('armature_heating').with_effect('cogging_torque', {'n': 6.0})
+online = OnlineIdentifier(model, '%s', DT, ['voltage'], ['current', 'speed'])
+compiled = [found for found in gc.get_objects() if isinstance(found, Dispatcher)]
+before = [len(one.overloads) for one in compiled]
+for part in (rows[:50], *np.split(rows[50:800], 750), rows[1000:]):
+    online.update(part[:, 0], part[:, 1:2], part[:, 2:4])
+    online.estimate()
+late = [one.py_func for one, n in zip(compiled, before) if len(one.overloads) > n]
+assert not late, late
+"""
+
+
+@pytest.mark.parametrize('key', ESTIMATORS)
+def test_nothing_is_left_to_compile_when_samples_come(key):
+    here = str(Path(__file__).parent)
+    done = subprocess.run(
+        [sys.executable, '-c', FRESH % key], env={**os.environ, 'PYTHONPATH': here},
+        cwd=Path(__file__).parent.parent, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
 
 
 def test_counts_gaps_and_refused_samples():

@@ -80,6 +80,15 @@ class Equation:
         self._regression: Regression | None = None
         self._prior: Mapping[str, float] = {}
         self._waiting, self._count = math.inf, 0
+        self._compile()
+
+    def _compile(self) -> None:
+        """Compile what is not called before the filters have settled."""
+        size = len(self.names) + bool(self._offset)
+        scratch = Regression(np.zeros(size), np.ones(size), 0.5, 2)
+        ones = np.ones_like(self._weights)
+        _learn(ones, ones, self._roles, self._weights, 1.0, *scratch.state)
+        scratch.covariance()
 
     def _columns(self, held: Sequence[Term]) -> tuple[NDArray[np.int64], Array]:
         """Return the roles and weights of the filtered signals; see `_learn`."""

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.estimators import ESTIMATORS
-from motor_sysid.estimation.online.regression import Regression
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -67,17 +66,29 @@ class OnlineIdentifier:
         self._columns = _input_columns(model, inputs)
         self.outputs = _known_outputs(model, outputs)
         self._tuning = tuning or Tuning()
-        make = partial(ESTIMATORS[estimator], model, dt, self.outputs, self._tuning)
-        _compile(make(), self._columns.size, len(outputs), dt)
-        self._estimator = make()
-        self._delay = _DelayLine(_delay(model), self._columns.size)
+        self._make = partial(ESTIMATORS[estimator], model, dt, self.outputs, self._tuning)
+        self._keep = math.exp(-self.dt / _ERROR_MEMORY)
+        self._begin()
+        self._compile()
+        self._begin()
+
+    def _begin(self) -> None:
+        """Forget all samples."""
+        inputs, outputs = self._columns.size, len(self.outputs)
+        self._estimator = self._make()
+        self._delay = _DelayLine(_delay(self.model), inputs)
         self.samples = self.gaps = self.dropped = 0
         self._last_time = np.nan
-        self._held = np.zeros(self._columns.size)
-        self._prediction = np.full(len(outputs), np.nan)
-        self._residual = np.full(len(outputs), np.nan)
-        self._power = np.zeros((3, len(outputs)))
-        self._keep = math.exp(-self.dt / _ERROR_MEMORY)
+        self._held = np.zeros(inputs)
+        self._prediction = np.full(outputs, np.nan)
+        self._residual = np.full(outputs, np.nan)
+        self._power = np.zeros((3, outputs))
+
+    def _compile(self) -> None:
+        """Compile everything before the first sample: it may take seconds, once on a machine."""
+        steps = np.arange(4.0)
+        outputs = np.repeat(1e-3 * steps, len(self.outputs))
+        self.update(self.dt * steps, np.ones(4 * self._columns.size), outputs)
 
     def update(self, t: Array, inputs: Array, outputs: Array) -> None:
         """Take samples in order.
@@ -92,9 +103,9 @@ class OnlineIdentifier:
             (K, n_y) outputs measured at the stamps, NaN where missing.
         """
         stamps = np.asarray(t, dtype=np.float64)
-        u = np.asarray(inputs, dtype=np.float64).reshape(stamps.size, self._columns.size)
-        y = np.asarray(outputs, dtype=np.float64).reshape(stamps.size, len(self.outputs))
-        u, y = _arrange(u, self._columns, y)
+        u = np.array(inputs, dtype=np.float64, order='C').reshape(stamps.size, self._columns.size)
+        y = np.array(outputs, dtype=np.float64, order='C').reshape(stamps.size, len(self.outputs))
+        u = _arrange(u, self._columns, y)
         for k, time in enumerate(stamps.tolist()):
             self._take(time, u[k], y[k])
 
@@ -155,14 +166,6 @@ class OnlineIdentifier:
         return self._estimator
 
 
-def _compile(scratch: OnlineEstimator, inputs: int, outputs: int, dt: float) -> None:
-    """Compile everything before the first sample: it may take seconds, once on a machine."""
-    scratch.restart(np.zeros(outputs))
-    for k in range(3):
-        scratch.step(k * dt, dt, np.ones(inputs), np.full(outputs, 1e-3 * k))
-    Regression(np.zeros(1), np.ones(1), 0.5, 2).update(np.ones(1), 1.0)
-
-
 class _DelayLine:
     """Held inputs that act a fixed time later, split between two samples if need be."""
 
@@ -220,15 +223,15 @@ def _known_outputs(model: Model, outputs: Sequence[str]) -> tuple[str, ...]:
 
 @njit(cache=True)
 def _arrange(inputs, columns, outputs):  # type: ignore[no-untyped-def]
-    """Return inputs (K, n_u) in the motor's order, and outputs (K, n_y) with NaN if not finite."""
-    u, y = np.empty((inputs.shape[0], columns.size)), outputs.copy()
+    """Return inputs (K, n_u) in the motor's order; make outputs (K, n_y) NaN if not finite."""
+    u = np.empty((inputs.shape[0], columns.size))
     for k in range(inputs.shape[0]):
         for j in range(columns.size):
             u[k, j] = inputs[k, columns[j]]
-        for j in range(y.shape[1]):
-            if not math.isfinite(y[k, j]):
-                y[k, j] = np.nan
-    return u, y
+        for j in range(outputs.shape[1]):
+            if not math.isfinite(outputs[k, j]):
+                outputs[k, j] = np.nan
+    return u
 
 
 @njit(cache=True)

@@ -21,7 +21,7 @@ Found = dict[str, tuple[float, float, float]]
 _SLOWEST, _FASTEST = 0.02, 0.15
 _KNOWN = 0.5
 _GATHERED, _USED = 50, 10
-"""What the equations know is asked every 50 samples, and used 10 samples later: each costs time."""
+"""What the equations know is asked every 50 samples and used 10 samples later: both cost time."""
 _REACH = 20.0
 
 
