@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
+from motor_sysid.diagnosis.next_experiment import next_experiment
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     climb,
@@ -29,6 +30,7 @@ from motor_sysid.diagnosis.rounds import refitted, scored
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.threshold import Threshold
+from motor_sysid.diagnosis.verdict import RIVAL_BIC, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
@@ -38,26 +40,8 @@ from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
 
-RIVAL_BIC = 10.0
-RIVAL_SHARE = 0.02
-AT_NOISE = 1.1
-"""A rival is as good if its BIC is within 10; or within 2 % of the winner's gain, where even the
-winner leaves more than noise: what remains may then favour either of them by chance."""
-
 ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""
-
-SPECIAL_SHARE = 0.5
-"""A special case goes first if it explains this share of what its generalisation explains."""
-
-STRUCTURE = 0.25
-"""Share of the remaining error that must be predictable before it is called missing physics."""
-
-ABOVE_FLOOR = 1.3
-"""Remaining error over sensor noise below which nothing more is looked for."""
-
-TOO_VAGUE = 2
-"""Base parameters that may not be undetermined together; inductance alone often is."""
 
 MIN_SAMPLES = 200
 
@@ -180,8 +164,8 @@ class _Engine:
                 rung, self.bench = refined(other, self.bench)
                 reconsidered = True
                 continue
-            winner = _winner(passing)
-            rivals[winner.key] = _rivals(winner, passing)
+            winner = winner_of(passing)
+            rivals[winner.key] = rivals_of(winner, passing)
             self.tell(
                 f'adding {winner.scored.variant.effect.card.title}: held-out error '
                 f'{rung.validation.error_percent:.3g} -> '
@@ -233,15 +217,34 @@ class _Engine:
                         return climb(trial.rung.model, self.bench, rung.result.weighting)
                     if trial.key not in rivals.get(key, ()):
                         rivals[key] = (*rivals.get(key, ()), trial.key)
-            for pair in scores.pairs[:1]:
-                keys = [one.variant.effect.key for one in pair]
-                if key in keys or pair[0].gain < ALTERNATIVE * mine:
-                    continue
-                tried, gain = try_pair(pair, slim, self.bench, scores.weighting)
-                if gain > mine + RIVAL_BIC and tried.held.error_percent < rung.held.error_percent:
-                    self.tell(f'{" and ".join(keys)} together do better than {key}')
-                    return climb(tried.model, self.bench, rung.result.weighting)
+            better = self.best_pair(key, slim, scores, mine, rivals)
+            if better is not None and better.held.error_percent < rung.held.error_percent:
+                return climb(better.model, self.bench, rung.result.weighting)
         return None
+
+    def best_pair(
+        self, key: str, slim: Rung, scores: Scores, gain: float, rivals: dict[str, tuple[str, ...]]
+    ) -> Rung | None:
+        """Return the pair of effects that does better than one, if there is one.
+
+        Pairs that do as well and have one effect in common make rivals of the two others.
+        """
+        tried = [
+            (*try_pair(pair, slim, self.bench, scores.weighting), pair)
+            for pair in scores.pairs
+            if pair[0].gain > ALTERNATIVE * gain
+        ]
+        tried.sort(key=lambda one: -one[1])
+        if not tried or not tried[0][1] > gain + RIVAL_BIC:
+            return None
+        best = {one.variant.effect.key for one in tried[0][2]}
+        for _, other, pair in tried[1:]:
+            keys = {one.variant.effect.key for one in pair}
+            if other > tried[0][1] - RIVAL_BIC and len(keys & best) == 1:
+                mine, theirs = (best - keys).pop(), (keys - best).pop()
+                rivals[mine] = (*rivals.get(mine, ()), theirs)
+        self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
+        return tried[0][0]
 
     def substitutes(
         self, key: str, slim: Rung, scores: Scores, gain: float
@@ -283,7 +286,7 @@ class _Engine:
             for key, names in rivals.items()
             if key in final.model.effects
         }
-        verdict = _verdict(ladder, left, rivals)
+        verdict = verdict_of(ladder, left, rivals)
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         steps = tuple(self.step(rung, trials, rivals) for rung, trials in ladder)
         shown = steps if named else steps[:1]
@@ -298,7 +301,9 @@ class _Engine:
             roles=self.bench.roles,
             warnings=(*final.result.unidentifiable, *final.result.warnings),
         )
-        return explained(found, steps, left, rivals, self.nominal)
+        found = explained(found, steps, left, rivals, self.nominal)
+        wanted = next_experiment(verdict, ladder, rivals, self.train_records)
+        return replace(found, experiment=wanted) if wanted else found
 
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""
@@ -336,61 +341,6 @@ class _Engine:
             maps=failure.maps,
             candidates=tuple(found),
         )
-
-
-def _winner(passing: Sequence[Trial]) -> Trial:
-    """Return the best trial, or its simplest special case that explains most of it."""
-    best = passing[0]
-    simplest, following = best, _special(best, passing)
-    while following is not None:
-        simplest, following = following, _special(following, passing)
-    if simplest is not best:
-        return simplest
-    equal = {best.key, *_rivals(best, passing)}
-    keeps = [t for t in passing if t.key in equal and not t.scored.variant.inherits]
-    return keeps[0] if keeps else best
-
-
-def _special(trial: Trial, passing: Sequence[Trial]) -> Trial | None:
-    """Return the best special case of a trial, if there is one that explains most of it."""
-    covered = trial.scored.variant.effect.card.generalises
-    enough = SPECIAL_SHARE * trial.delta_bic
-    return next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
-
-
-def _rivals(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
-    """Return the effects that explain the data as well as the winner does."""
-    margin = RIVAL_BIC
-    if winner.excess > AT_NOISE:
-        margin = max(margin, RIVAL_SHARE * winner.delta_bic)
-    key = winner.key
-    return tuple(
-        t.key
-        for t in passing
-        if t.key != key
-        and t.delta_bic > winner.delta_bic - margin
-        and key not in t.scored.variant.effect.card.generalises
-        and t.key not in winner.scored.variant.effect.card.generalises
-    )
-
-
-def _verdict(
-    ladder: Sequence[tuple[Rung, list[Trial]]],
-    left: Remainder,
-    rivals: Mapping[str, tuple[str, ...]],
-) -> Verdict:
-    base, final = ladder[0][0], ladder[-1][0]
-    structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
-    if len(base.result.unidentifiable) >= TOO_VAGUE and not structured:
-        return Verdict.INSUFFICIENT_DATA
-    if len(ladder) == 1:
-        return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
-    before, after = base.held.error_percent, final.held.error_percent
-    floor = left.floor_percent
-    explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    if structured and explained < 0.75:
-        return Verdict.UNKNOWN_EFFECT
-    return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
 
 
 def _refuse(train: Sequence[Record], validation: Sequence[Record]) -> None:

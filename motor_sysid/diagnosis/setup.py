@@ -27,7 +27,7 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-SPEED_WIDTH, CURRENT_WIDTH = 0.002, 0.003
+SPEED_WIDTH, CURRENT_WIDTH = 0.005, 0.003
 """Width of the smoothed sign of speed and of current, as a fraction of their RMS.
 
 Current changes within a millisecond, so a narrower sign would be stiffer than a sample can follow.

@@ -1,0 +1,81 @@
+"""Who wins a round, who does as well, and what a finished ladder says."""
+
+from collections.abc import Mapping, Sequence
+
+from motor_sysid.diagnosis.refit import Rung, Trial
+from motor_sysid.diagnosis.remainder import Remainder
+from motor_sysid.diagnosis.result import Verdict
+
+RIVAL_BIC = 10.0
+RIVAL_SHARE = 0.02
+AT_NOISE = 1.1
+"""A rival is as good if its BIC is within 10; or within 2 % of the winner's gain, where even the
+winner leaves more than noise: what remains may then favour either of them by chance."""
+
+SPECIAL_SHARE = 0.5
+"""A special case goes first if it explains this share of what its generalisation explains."""
+
+STRUCTURE = 0.25
+"""Share of the remaining error that must be predictable before it is called missing physics."""
+
+ABOVE_FLOOR = 1.3
+"""Remaining error over sensor noise below which nothing more is looked for."""
+
+TOO_VAGUE = 2
+"""Base parameters that may not be undetermined together; inductance alone often is."""
+
+
+def winner_of(passing: Sequence[Trial]) -> Trial:
+    """Return the best trial, or its simplest special case that explains most of it."""
+    best = passing[0]
+    simplest, following = best, _special(best, passing)
+    while following is not None:
+        simplest, following = following, _special(following, passing)
+    if simplest is not best:
+        return simplest
+    equal = {best.key, *rivals_of(best, passing)}
+    keeps = [t for t in passing if t.key in equal and not t.scored.variant.inherits]
+    return keeps[0] if keeps else best
+
+
+def _special(trial: Trial, passing: Sequence[Trial]) -> Trial | None:
+    """Return the best special case of a trial, if there is one that explains most of it."""
+    covered = trial.scored.variant.effect.card.generalises
+    enough = SPECIAL_SHARE * trial.delta_bic
+    return next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
+
+
+def rivals_of(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
+    """Return the effects that explain the data as well as the winner does."""
+    margin = RIVAL_BIC
+    if winner.excess > AT_NOISE:
+        margin = max(margin, RIVAL_SHARE * winner.delta_bic)
+    key = winner.key
+    return tuple(
+        t.key
+        for t in passing
+        if t.key != key
+        and t.delta_bic > winner.delta_bic - margin
+        and key not in t.scored.variant.effect.card.generalises
+        and t.key not in winner.scored.variant.effect.card.generalises
+    )
+
+
+def verdict_of(
+    ladder: Sequence[tuple[Rung, list[Trial]]],
+    left: Remainder,
+    rivals: Mapping[str, tuple[str, ...]],
+) -> Verdict:
+    """Return what a ladder of fits, with what was tried on each, comes to."""
+    base, final = ladder[0][0], ladder[-1][0]
+    structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
+    if len(base.result.unidentifiable) >= TOO_VAGUE and not structured:
+        return Verdict.INSUFFICIENT_DATA
+    if len(ladder) == 1:
+        return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
+    before, after = base.held.error_percent, final.held.error_percent
+    floor = left.floor_percent
+    explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
+    if structured and explained < 0.75:
+        return Verdict.UNKNOWN_EFFECT
+    return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
