@@ -164,6 +164,7 @@ class Program:
         drives: Sequence[Drive],
         initials: Sequence[Array],
         *,
+        restarts: Sequence[int] = (),
         pushes: Sequence[Array] = (),
         substeps: int = 1,
         threads: int = 1,
@@ -171,7 +172,7 @@ class Program:
         """Simulate a population over stretches that follow each other.
 
         At the start of each stretch the core state is set anew; own states of effects (heat, say)
-        carry on.
+        carry on, but for restarts.  All stretches have the sample time of the first.
 
         Parameters
         ----------
@@ -181,6 +182,8 @@ class Program:
             Inputs of each stretch.
         initials:
             For each stretch (P, n) initial states, or (n,) for all.
+        restarts:
+            Numbers of stretches at which own states begin anew, as they do at the first.
         pushes:
             For each stretch (N, 2, m, P) forces from outside, at the start and at the end of each
             sample, in the order of the motor's forces; or nothing.
@@ -206,6 +209,7 @@ class Program:
                 drives,
                 [state[block] for state in states],
                 [push[..., block] for push in pushes] or [self._unpushed] * len(drives),
+                frozenset((0, *restarts)),
                 substeps,
             )
 
@@ -224,6 +228,7 @@ class Program:
         drives: Sequence[Drive],
         states: Sequence[Array],
         pushes: Sequence[Array],
+        restarts: frozenset[int],
         substeps: int,
     ) -> list[Array]:
         used = table.shape[1]
@@ -233,7 +238,7 @@ class Program:
             x = np.empty((len(self.kind.states), LANES))
             x[:, :used] = start.T
             x[:, used:] = start.T[:, :1]
-            if not results:
+            if len(results) in restarts:
                 self.begin(workspace, x)
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
             self.advance(workspace, x, drive, substeps, outputs, push=_filled(push))
@@ -266,7 +271,9 @@ class Program:
         return Workspace(_joined(matrices), width, wide, late, buffer, core)
 
     def begin(self, workspace: 'Workspace', x: Array) -> None:
-        """Give own states that follow a state of the motor its value in `x` (n, 32)."""
+        """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow."""
+        for offset in self.memory_offsets:
+            workspace.buffer[offset : offset + LANES] = 0.0
         for offset, core in self._begins:
             workspace.buffer[offset : offset + LANES] = x[core]
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-import itertools
+from itertools import accumulate, groupby, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -152,7 +152,7 @@ def make_chain(
         edges = np.linspace(first, last, pieces + 1).astype(int)
         chain += [
             _stretch(even, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
-            for a, b in itertools.pairwise(edges)
+            for a, b in pairwise(edges)
         ]
     return tuple(chain)
 
@@ -327,17 +327,21 @@ class Problem:
         table, results = self.values(z), []
         if not table or len(z) == 0:
             return []
-        for chain in self.chains:
+        for _, group in groupby(self.chains, key=lambda chain: chain[0].drive.dt):
+            chains = list(group)
+            stretches = [stretch for chain in chains for stretch in chain]
             runs = self.program.run_chain(
                 table,
-                [stretch.drive for stretch in chain],
-                [s.state if shifts is None else s.state + shifts * s.state_size for s in chain],
+                [s.drive for s in stretches],
+                [s.state if shifts is None else s.state + shifts * s.state_size
+                 for s in stretches],
+                restarts=list(accumulate(len(chain) for chain in chains)),
                 substeps=self.substeps,
                 threads=self.threads,
-            )
+            )  # fmt: skip
             results += [
                 run[stretch.scored_from :]
-                for run, stretch in zip(runs, chain, strict=True)
+                for run, stretch in zip(runs, stretches, strict=True)
                 if stretch.scored
             ]
         return results
