@@ -37,15 +37,16 @@ every further one, for what the first does not fit to the last detail looks like
 
 UNPHYSICAL = 'unphysical sign'
 
-BRIEF_STEPS = 8
+BRIEF_STEPS = 5
 """Most steps of a fit of a trial, which begins near its end."""
 
 BRIEF, FULL = 1e-5, 1e-7
 """Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
 """
 
-ROUGH, ROUGH_STEPS = 1e-4, 12
-"""The same for a fit to some of the data, and its most steps."""
+ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
+"""The same for a fit to some of the data, its most steps, and after how many of them the best of
+several starts is chosen."""
 
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
@@ -251,14 +252,18 @@ def try_roughly(
     if not possible:
         one = starts[0]
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
-    fits = [_rough_fit(_opened(one.variant.model, rung.model, one), rung, bench)
-            for one in possible]  # fmt: skip
-    best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
-    problem, fitted = bench.problem(fits[best].model), fits[best].weighting
+    models = [_opened(one.variant.model, rung.model, one) for one in possible]
+    weightings, best = [rung.result.weighting] * len(models), 0
+    if len(models) > 1:
+        fits = [_rough_fit(model, rung.result.weighting, bench, FIRST_STEPS) for model in models]
+        models, weightings = [f.model for f in fits], [f.weighting for f in fits]
+        best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
+    rough = _rough_fit(models[best], weightings[best], bench, ROUGH_STEPS)
+    problem, fitted = bench.problem(rough.model), rough.weighting
     near = tuple(problem.linearize(problem.vector()))
     cost = normal_equations(near, fitted)[2]
     at = Solution(problem.vector(), cost, False, 0, 0, near)
-    new = judge(result_at(problem, fitted, at, fits[best].simulations, 0), bench, near)
+    new = judge(result_at(problem, fitted, at, rough.simulations, 0), bench, near)
     return _judged(possible[best], new, rung, bench, weighting)
 
 
@@ -271,14 +276,12 @@ def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Tri
     return _judged(trial.scored, replace(new, near=()), rung, bench, weighting, new.near)
 
 
-def _rough_fit(model: Model, rung: Rung, bench: Bench) -> FitResult:
+def _rough_fit(model: Model, weighting: Weighting, bench: Bench, steps: int) -> FitResult:
     """Fit a model to some of the data; to all, where an effect remembers for long."""
     lasting = any(_lasts(effect(key)) for key in model.effects)
     chains = bench.train if lasting else bench.rough
     problem = Problem(model, chains, bench.outputs, substeps=bench.substeps)
-    return fit(
-        problem, rung.result.weighting, reweight=1, iterations=ROUGH_STEPS, tolerance=ROUGH
-    )
+    return fit(problem, weighting, reweight=1, iterations=steps, tolerance=ROUGH)
 
 
 def _lasts(one: Effect) -> bool:

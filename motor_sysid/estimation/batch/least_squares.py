@@ -1,7 +1,7 @@
 """Output-error least squares: Levenberg-Marquardt whose every step is one block of simulations.
 
 The Jacobian is made of central differences, 15 parameters to a block of 32 simulations, and a
-second block tries 26 combinations of damping and step length at once.
+second block tries 24 combinations of damping and step length at once.
 (Marquardt 1963, doi:10.1137/0111030; Ljung 1999, sections 7.2 and 10.2.)
 """
 
@@ -19,7 +19,7 @@ from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
-_DAMPINGS = (0.0, 1e-4, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1e3, 1e4)
+_DAMPINGS = (0.0, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1e3, 1e4)
 _LENGTHS = (1.0, 0.4)
 
 ENOUGH = 0.5
