@@ -22,6 +22,7 @@ from motor_sysid.diagnosis.refit import (
     Trial,
     try_effect,
     try_pair,
+    vanished,
 )
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.residual import likely_orders
@@ -172,6 +173,7 @@ class _Engine:
                 f'{winner.rung.validation.error_percent:.3g} %'
             )
             best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
+            best = winner.rung if vanished(best.model, winner.key) else best
             rung, self.bench = refined(self.prune(best), self.bench)
         return self.conclude(ladder, rivals)
 

@@ -184,6 +184,7 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     free = Problem(rung.model, bench.train_free, bench.outputs, substeps=bench.substeps)
     better = judge(fit(free), bench)
     improved = better.validation.error_percent < rung.validation.error_percent
+    improved = improved and not any(vanished(better.model, key) for key in better.model.effects)
     return better if improved else rung
 
 
@@ -398,6 +399,12 @@ def _steadiness(gains: Array) -> float:
     return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
+def vanished(model: Model, key: str) -> bool:
+    """Whether a fit has taken an effect of one sign to nothing."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes if a.positive]
+    return bool(own) and all(p.value <= 1e-9 * p.upper for p in own)
+
+
 def _gate(
     scored: Scored,
     new: Rung,
@@ -408,11 +415,8 @@ def _gate(
     certain: bool,
     threshold: float,
 ) -> str:
-    card = scored.variant.effect.card
     key = scored.variant.effect.key
-    values = {a.name: new.model.parameters[f'{key}.{a.name}'] for a in card.amplitudes}
-    positive = [values[a.name] for a in card.amplitudes if a.positive]
-    if positive and all(p.value <= 1e-9 * p.upper for p in positive):
+    if vanished(new.model, key):
         return UNPHYSICAL
     if not np.isfinite(delta):
         return 'cannot be simulated'
