@@ -190,7 +190,7 @@ def test_counts_are_made_again_by_counting():
 def test_random_load_is_told_from_sensor_noise():
     sigma, memory = 8e-4, 0.05
     quiet = replace(TACHO, tacho_noise=0.05)
-    records = [recording(k, quiet, closed=False, torque=(sigma, memory)) for k in range(3)]
+    records = [recording(k, quiet, closed=False, torque=(sigma, memory)) for k in range(2)]
     found = make_plan(
         start(), records, [], fraction=0.2, candidates=FEW, seed=1, tell=print
     ).noise

@@ -2,10 +2,8 @@
 
 Every disturbance that is thought of (white and coloured errors of each sensor, random forces with
 several memories) is simulated alone through the same model, cut and fitted like the data; so are
-rounding and integration error, which are known.  The sizes with which their spectra add up to that
-of the errors are found by non-negative least squares on the logarithmic scale's first order, that
-is relative to the spectrum.  (Lawson and Hanson 1974 for the method; Whittle 1953 for fitting a
-spectrum.)
+rounding and integration error, which are known.  `mixture` then finds those that make the
+spectrum.
 """
 
 from collections.abc import Sequence
@@ -13,8 +11,8 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import nnls
 
+from motor_sysid.diagnosis.calibration.mixture import parsimonious
 from motor_sysid.diagnosis.calibration.noise import Noise, Source
 from motor_sysid.diagnosis.calibration.twin import is_counted, Twin
 from motor_sysid.diagnosis.setup import Bench, make_bench
@@ -26,16 +24,18 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 SENSOR_MEMORIES = (0.0, 3.0, 30.0)
-FORCE_MEMORIES = (1.0, 8.0, 60.0, 400.0)
+FORCE_MEMORIES = (1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)
 """Correlation times that are tried, in samples."""
 
-DRAWS = 3
+LONGEST_MEMORY = 1 / 12
+"""Of a stretch of data: a longer memory would bend the spectrum below its lowest frequency."""
+
+DRAWS = 8
 BANDS_PER_OCTAVE = 3
-NEGLIGIBLE = 0.003
-"""Share of a band's power below which a source is left out, in all bands."""
+TAPER = 0.5
+"""Independent values in a tapered periodogram, for each of its values."""
 
 _SMALL = 0.01
-_PASSES = 3
 
 
 def fit_noise(
@@ -65,35 +65,20 @@ def fit_noise(
         np.maximum(bands.simulated(known.only((one,), rounded=False)) - quiet, 0.0)
         for one in candidates
     ]
-    power = np.column_stack([one.ravel() for one in alone])
-    sizes = _sizes(seen.ravel(), rounding.ravel(), power, np.repeat(bands.counts, seen.shape[1]))
-    total = rounding.ravel() + power @ sizes
+    weights = TAPER * np.repeat(bands.counts, seen.shape[1])
+    sizes = parsimonious(
+        seen.ravel(), rounding.ravel(), np.column_stack([one.ravel() for one in alone]), weights
+    )
     kept = [
         replace(one, sigma=float(one.sigma * np.sqrt(size)))
-        for one, size, column in zip(candidates, sizes, power.T, strict=True)
-        if np.max(size * column / total) > NEGLIGIBLE
+        for one, size in zip(candidates, sizes, strict=True)
+        if size > 0.0
     ]
     noise = replace(known, sources=tuple(kept))
     off = 10 * np.log10(seen / bands.simulated(noise))
-    weights = np.repeat(bands.counts, seen.shape[1])
     return replace(
         noise, mismatch_db=float(np.sqrt(np.average(off.ravel() ** 2, weights=weights)))
     )
-
-
-def _sizes(seen: Array, known: Array, power: Array, counts: Array) -> Array:
-    """Return (k,) non-negative factors with which `power` (b, k) and `known` make `seen` (b,)."""
-    scale = seen.copy()
-    factors = np.zeros(power.shape[1])
-    largest = np.maximum(power.max(axis=0), 1e-300)
-    for _ in range(_PASSES):
-        weights = np.sqrt(counts) / scale
-        factors = nnls(
-            (power / largest) * weights[:, np.newaxis],
-            np.maximum(seen - known, 0.0) * weights,
-        )[0] / largest
-        scale = np.maximum(known + power @ factors, 0.1 * seen)
-    return factors
 
 
 def _steps(model: Model, records: Sequence[Record]) -> dict[str, float]:
@@ -113,6 +98,8 @@ def _steps(model: Model, records: Sequence[Record]) -> dict[str, float]:
 def _sources(model: Model, bench: Bench, counted: bool) -> list[Source]:
     """Return what may disturb; a counted speed has no error but that of the position."""
     dt = bench.train[0][0].record.dt
+    stretch = max(len(s.judged) for chain in bench.train for s in chain)
+    memories = [n for n in FORCE_MEMORIES if n <= max(LONGEST_MEMORY * stretch, 1.0)]
     sources = []
     for j, signal in enumerate(bench.outputs):
         values = np.concatenate([s.judged[:, j] for chain in bench.train for s in chain])
@@ -124,7 +111,7 @@ def _sources(model: Model, bench: Bench, counted: bool) -> list[Source]:
     sizes = {'torque': bench.scales.torque, 'voltage': bench.scales.voltage}
     for force in model.kind.forces:
         size = _SMALL * sizes.get(force.name, 1.0)
-        sources += [Source(force.name, True, n * dt, size) for n in FORCE_MEMORIES]
+        sources += [Source(force.name, True, n * dt, size) for n in memories]
     return sources
 
 
@@ -144,8 +131,8 @@ class _Bands:
         self.slope, _ = np.linalg.qr(self.weighting.flat(np.concatenate([n.slope for n in near])))
         dt = max(one.drive.dt for one in problem.stretches)
         longest = dt * max(len(one.residual) for one in near)
-        count = int(np.log2(0.25 * longest / dt) * BANDS_PER_OCTAVE)
-        self.edges = np.geomspace(2.0 / longest, 0.5 / dt * (1 + 1e-9), max(count, 2) + 1)
+        count = int(np.log2(0.67 * longest / dt) * BANDS_PER_OCTAVE)
+        self.edges = np.geomspace(0.75 / longest, 0.5 / dt * (1 + 1e-9), max(count, 2) + 1)
         self.counts, _ = self._power([one.residual for one in near], dt)
         self.filled = self.counts > 0
         self.counts = self.counts[self.filled]
