@@ -1,6 +1,7 @@
 """The pipeline: fit, score, refit, gate, add, prune until nothing helps; then the verdict."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +28,7 @@ from motor_sysid.diagnosis.refit import (
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.rounds import refitted, scored
+from motor_sysid.diagnosis.rounds import refitted, scored, WORKERS
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.threshold import Threshold
@@ -231,11 +232,12 @@ class _Engine:
 
         Pairs that do as well and have one effect in common make rivals of the two others.
         """
-        tried = [
-            (*try_pair(pair, slim, self.bench, scores.weighting), pair)
-            for pair in scores.pairs
-            if pair[0].gain > ALTERNATIVE * gain
-        ]
+        worth = [pair for pair in scores.pairs if pair[0].gain > ALTERNATIVE * gain]
+        with ThreadPoolExecutor(WORKERS) as pool:
+            fits = pool.map(
+                lambda pair: try_pair(pair, slim, self.bench, scores.weighting), worth
+            )
+            tried = [(*fitted, pair) for fitted, pair in zip(fits, worth, strict=True)]
         tried.sort(key=lambda one: -one[1])
         if not tried or not tried[0][1] > gain + RIVAL_BIC:
             return None

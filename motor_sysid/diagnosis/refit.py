@@ -19,6 +19,7 @@ from motor_sysid.estimation.batch import (
     misfit,
     Problem,
     Weighting,
+    white,
 )
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
 from motor_sysid.physics.effect import Effect, Scale
@@ -157,9 +158,10 @@ def climb(
     """Fit a model on the training data and take its free-running errors.
 
     A trial fits `briefly`: it is followed by a projection, and the winner is fitted in full.
-    `near` holds residuals and derivatives of the model as it is, if they are known.
+    `near` holds residuals and derivatives of the model as it is, if they are known; then a brief
+    fit takes the noise as `start` has it.
     """
-    reweight, iterations = (1, BRIEF_STEPS) if briefly else (3, 30)
+    reweight, iterations = (0 if near else 1, BRIEF_STEPS) if briefly else (3, 30)
     problem = bench.problem(model)
     tolerance = BRIEF if briefly else FULL
     result, near = fit_and_slopes(
@@ -260,12 +262,7 @@ def try_roughly(
         models, weightings = [f.model for f in fits], [f.weighting for f in fits]
         best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
     rough = _rough_fit(models[best], weightings[best], bench, ROUGH_STEPS)
-    problem, fitted = bench.problem(rough.model), rough.weighting
-    near = tuple(problem.linearize(problem.vector()))
-    cost = normal_equations(near, fitted)[2]
-    at = Solution(problem.vector(), cost, False, 0, 0, near)
-    new = judge(result_at(problem, fitted, at, rough.simulations, 0), bench, near)
-    return _judged(possible[best], new, rung, bench, weighting)
+    return _judged(possible[best], _standing(rough, bench), rung, bench, weighting)
 
 
 def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
@@ -285,6 +282,16 @@ def _rough_fit(model: Model, weighting: Weighting, bench: Bench, steps: int) -> 
     return fit(problem, weighting, reweight=1, iterations=steps, tolerance=ROUGH)
 
 
+def _standing(rough: FitResult, bench: Bench) -> Rung:
+    """Judge a rough fit on all of the data, its noise taken from all of them."""
+    problem = bench.problem(rough.model)
+    near = tuple(problem.linearize(problem.vector()))
+    weighting = white([problem.settled(one, rough.weighting) for one in near])
+    cost = normal_equations(near, weighting)[2]
+    at = Solution(problem.vector(), cost, False, 0, 0, near)
+    return judge(result_at(problem, weighting, at, rough.simulations, 0), bench, near)
+
+
 def _lasts(one: Effect) -> bool:
     """Whether an effect cannot be seen in pieces of a record: what it does depends on long ago."""
     fast = any(p.scale in _FAST for p in one.card.parameters)
@@ -300,9 +307,10 @@ def try_pair(
     tried = first.variant.model.with_effect(other.effect.key, other.values, bench.scales)
     fixed = tried.with_free([f'{other.effect.key}.{name}' for name in other.values], free=False)
     model = _opened(_opened(fixed, rung.model, first), rung.model, second)
-    new = climb(model, bench, rung.result.weighting, briefly=True)
+    new = _standing(_rough_fit(model, rung.result.weighting, bench, ROUGH_STEPS), bench)
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return new, -np.inf
+    new = climb(new.model, bench, new.result.weighting, briefly=True, near=new.near)
     return new, gain_in_bic(rung, new, bench, weighting)
 
 
