@@ -152,6 +152,7 @@ def check(bag: Path) -> dict[str, object]:
         'samples': result.samples,
         'times_real_time': round(result.duration / result.seconds, 1),
         'compared': found.compared,
+        'unreachable': found.unreachable,
         'equal': found.equal,
         'difference': found.difference,
     }

@@ -24,12 +24,8 @@ _SLOW = 1e-2
 
 
 def signal_names(kind: Motor) -> tuple[str, ...]:
-    """Return the names of the signals of a motor kind in the order of their vector.
-
-    They are states, inputs, the time, states as measured, and rates of change of the states.
-    """
-    raw, rates = [RAW + state for state in kind.states], [f'd{state}' for state in kind.states]
-    return (*kind.states, *kind.arguments, 't', *raw, *rates)
+    """Return the names of the signals of a motor kind in the order of their vector."""
+    return (*kind.states, *kind.arguments, 't', *(RAW + state for state in kind.states))
 
 
 class Regressors:
@@ -54,8 +50,7 @@ class Regressors:
     ----------
     measured:
         (2, S) signals at the start and the end of the sample taken last, for the terms of a
-        balance: what the sensors say, in the form that belongs to the filter.  Rates of change
-        are not among them.
+        balance: what the sensors say, in the form that belongs to the filter.
     tracked:
         (2, S) the same for the laws, which may be steep: with states from a filter, without the
         rounding of an encoder.
@@ -94,7 +89,6 @@ class Regressors:
         have = {*seen, *self._inputs}
         if 'theta' in have or 'omega' in have:
             have |= {'theta', 'omega'}
-        have |= {f'd{state}' for state in have & set(self._states)}
         missing = sorted(set(names) - have)
         if missing:
             raise UserError(
@@ -160,7 +154,7 @@ def _set_ends(  # type: ignore[no-untyped-def]
     Whether every output was measured.
     """
     n, fine = column.size, True
-    raw = ends.shape[1] - 2 * n
+    raw = ends.shape[1] - n
     for j in range(y.size):
         if math.isfinite(y[j]):
             now[j] = y[j]
@@ -195,7 +189,7 @@ def _bend(  # type: ignore[no-untyped-def]
     tells where omega and theta are and whether the speed is a mean.
     """
     n = column.size
-    raw, rate = ends.shape[1] - 2 * n, ends.shape[1] - n
+    raw = ends.shape[1] - n
     for end in range(2):
         for k in range(u.size):
             ends[end, n + k] = u[k]
@@ -215,7 +209,6 @@ def _bend(  # type: ignore[no-untyped-def]
     tracked[:] = ends
     for s in range(n):
         tracked[0, s], tracked[1, s] = before[s], after[s]
-        tracked[:, rate + s] = (after[s] - before[s]) / h
 
 
 @njit(cache=True, error_model='numpy')
@@ -230,6 +223,6 @@ def _add_motion(ends, h, column, motion, angle):  # type: ignore[no-untyped-def]
         ends[0, theta] = angle[0]
         angle[0] += 0.5 * h * (ends[0, omega] + ends[1, omega])
         ends[1, theta] = angle[0]
-    raw = ends.shape[1] - 2 * column.size
+    raw = ends.shape[1] - column.size
     for s in (omega, theta):
         ends[0, raw + s], ends[1, raw + s] = ends[0, s], ends[1, s]
