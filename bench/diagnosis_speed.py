@@ -84,7 +84,8 @@ def measure(case: str, seconds: float, rate: float, seed: int) -> dict[str, obje
     cold['wall_s'] += loading[0]
     cold['cpu_s'] += loading[1]
     cold['stages'].insert(0, ('imports', *loading, 0.0))
-    return {'cold': cold, 'warm': timed(record), 'load': os.getloadavg()[0], 'samples': len(record)}
+    warm = timed(record)
+    return {'cold': cold, 'warm': warm, 'load': os.getloadavg()[0], 'samples': len(record)}
 
 
 def closed_loop(effects: tuple[str, ...], seconds: float, rate: float, seed: int):  # type: ignore[no-untyped-def]
@@ -96,7 +97,8 @@ def closed_loop(effects: tuple[str, ...], seconds: float, rate: float, seed: int
     from motor_sysid.benchmark.excitation import random_steps
     from motor_sysid.benchmark.hidden import HIDE, Situation
     from motor_sysid.benchmark.plant import Plant
-    from motor_sysid.benchmark.sensors import measure as sensed, Sensors
+    from motor_sysid.benchmark.sensors import measure as sensed
+    from motor_sysid.benchmark.sensors import Sensors
     from motor_sysid.benchmark.truth import Control, run
 
     rng = np.random.default_rng(seed)

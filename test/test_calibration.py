@@ -32,8 +32,8 @@ from motor_sysid.diagnosis.calibration.store import (
 )
 from motor_sysid.diagnosis.calibration.tail import share_limits, shown_level, upper_quantile
 from motor_sysid.diagnosis.calibration.twin import Twin
-from motor_sysid.diagnosis.refit import climb
 from motor_sysid.diagnosis.rounds import scored
+from motor_sysid.diagnosis.rung import climb
 from motor_sysid.diagnosis.score import AR_ORDER
 from motor_sysid.diagnosis.setup import make_bench, with_scales
 from motor_sysid.diagnosis.threshold import FLOOR, UNCALIBRATED

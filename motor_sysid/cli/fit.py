@@ -75,7 +75,7 @@ def rung_lines(model: 'object', reason: str) -> list[str]:
 
 def _document(rung: 'object') -> dict[str, object]:
     from motor_sysid.diagnosis.document import model_parameters
-    from motor_sysid.diagnosis.refit import Rung
+    from motor_sysid.diagnosis.rung import Rung
 
     assert isinstance(rung, Rung)
     return {

@@ -23,8 +23,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument(
         'inputs', nargs='+', metavar='INPUT', type=Path,
-        help='one saved diagnosis or report (.json), or a MODEL (.yaml) and one or more DATA: then '
-        'what the model lacks on them is found first',
+        help='one saved diagnosis or report (.json), or a MODEL (.yaml) and one or more DATA: '
+        'then what the model lacks on them is found first',
     )  # fmt: skip
     parser.add_argument(
         '--validate', nargs='+', default=[], metavar='DATA', type=Path,

@@ -12,23 +12,20 @@ from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.next_experiment import next_experiment
-from motor_sysid.diagnosis.refit import (
-    best_per_effect,
+from motor_sysid.diagnosis.refit import best_per_effect, Trial, try_effect, try_pair
+from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
+from motor_sysid.diagnosis.residual import likely_orders
+from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
+from motor_sysid.diagnosis.rounds import refitted, scored, WORKERS
+from motor_sysid.diagnosis.rung import (
     climb,
     gain_in_bic,
     polish,
     profile_cost,
     refined,
     Rung,
-    Trial,
-    try_effect,
-    try_pair,
     vanished,
 )
-from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
-from motor_sysid.diagnosis.residual import likely_orders
-from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.rounds import refitted, scored, WORKERS
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.threshold import Threshold

@@ -8,9 +8,10 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.drawn import Curve
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal
-from motor_sysid.diagnosis.refit import parameters_of, Rung, Trial
+from motor_sysid.diagnosis.refit import parameters_of, Trial
 from motor_sysid.diagnosis.residual import lacking_name
 from motor_sysid.diagnosis.result import Candidate
+from motor_sysid.diagnosis.rung import Rung
 from motor_sysid.diagnosis.where import Failure, mean_in
 from motor_sysid.signals.record import Record
 

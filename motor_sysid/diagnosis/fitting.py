@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
 from motor_sysid.diagnosis.drawn import Where
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, climb, Rung, Trial, try_effect
+from motor_sysid.diagnosis.refit import best_per_effect, Trial, try_effect
+from motor_sysid.diagnosis.rung import climb, Rung
 from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.variants import variants

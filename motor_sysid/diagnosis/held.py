@@ -18,7 +18,7 @@ from motor_sysid.diagnosis.change import change_point
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.setup import look_ahead
 from motor_sysid.estimation.batch import Chain, fit, FitResult, make_chain, Problem
-from motor_sysid.estimation.batch.problem import observed_outputs
+from motor_sysid.estimation.batch.chains import observed_outputs
 from motor_sysid.estimation.batch.weighting import coloured, Weighting
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model

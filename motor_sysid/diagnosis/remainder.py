@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.estimation.batch import Chain
-from motor_sysid.estimation.batch.problem import Stretch
+from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.signals.noise import noise_sigma
 
 Array = NDArray[np.float64]

@@ -5,7 +5,8 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, Rung, settled, slopes, Trial, try_roughly
+from motor_sysid.diagnosis.refit import best_per_effect, settled, Trial, try_roughly
+from motor_sysid.diagnosis.rung import Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping, Sequence
 
-from motor_sysid.diagnosis.refit import Rung, Trial
+from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import Remainder
 from motor_sysid.diagnosis.result import Verdict
+from motor_sysid.diagnosis.rung import Rung
 
 RIVAL_BIC = 10.0
 RIVAL_SHARE = 0.02

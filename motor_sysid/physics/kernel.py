@@ -113,7 +113,7 @@ def run_block(  # type: ignore[no-untyped-def]
         elif state_rows[j] == THETA:
             position_row = j
     if position_row >= 0 and speed_row >= 0:
-        for k in range(wide):  # the sample before the first is not known: as if speed had been held
+        for k in range(wide):  # before the first sample: as if the speed had been held
             previous[position_row, k] -= dt * x[speed_row, k]
     time_at = time_row * LANES
 

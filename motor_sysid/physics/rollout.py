@@ -15,7 +15,7 @@ from motor_sysid.physics.effect import ARGUMENTS, Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.exponential import substep_matrices
 from motor_sysid.physics.implicit import ROWS as WORK_ROWS
-from motor_sysid.physics.kernel import CHUNK, run_block
+from motor_sysid.physics.kernel import run_block
 from motor_sysid.physics.lanes import (
     compile_effect,
     FIRST_PARAMETER_ROW,
@@ -25,6 +25,7 @@ from motor_sysid.physics.lanes import (
 )
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.workspace import filled, joined, lane_last, Workspace
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -241,13 +242,13 @@ class Program:
             if len(results) in restarts:
                 self.begin(workspace, x)
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
-            self.advance(workspace, x, drive, substeps, outputs, push=_filled(push))
+            self.advance(workspace, x, drive, substeps, outputs, push=filled(push))
             results.append(outputs[:, :, :used])
         return results
 
     def workspace(
         self, table: Array, dt: float, substeps: int = 1, *, delayed: bool = True
-    ) -> 'Workspace':
+    ) -> Workspace:
         """Return the matrices and work memory of up to 32 parameter vectors (one a column).
 
         Without `delayed` the caller delays the input himself.
@@ -267,10 +268,10 @@ class Program:
             matrices = [substep_matrices(*linear, w[:wide]) for w in width]
         core = (_NO_CORE, _NO_CORE, _NO_CORE)
         if self._slopes[0].size:
-            core = (_lane_last(linear[0]), _lane_last(linear[1]), _lane_last(linear[2]))
-        return Workspace(_joined(matrices), width, wide, late, buffer, core)
+            core = (lane_last(linear[0]), lane_last(linear[1]), lane_last(linear[2]))
+        return Workspace(joined(matrices), width, wide, late, buffer, core)
 
-    def begin(self, workspace: 'Workspace', x: Array) -> None:
+    def begin(self, workspace: Workspace, x: Array) -> None:
         """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow."""
         for offset in self.memory_offsets:
             workspace.buffer[offset : offset + LANES] = 0.0
@@ -285,7 +286,7 @@ class Program:
 
     def advance(
         self,
-        workspace: 'Workspace',
+        workspace: Workspace,
         x: Array,
         drive: Drive,
         substeps: int,
@@ -323,27 +324,6 @@ class Program:
             *self._outputs,
             outputs,
         )
-
-
-@dataclass
-class Workspace:
-    """Matrices and lengths of the substeps, lanes in use, whole samples of delay, flat memory.
-
-    `linear` is A, B, G of the motor with the lane last, or empty where no law needs them.  See
-    `motor_sysid.physics.kernel.run_block` for shapes.
-    """
-
-    matrices: tuple[Array, Array, Array]
-    width: Array
-    wide: int
-    late: NDArray[np.int64]
-    buffer: Array
-    linear: tuple[Array, Array, Array]
-
-    @property
-    def by_force(self) -> Array:
-        """(n, m) change of the state in one step by constant forces of one, in the first lane."""
-        return self.matrices[1][0, :, :, 0]
 
 
 @dataclass(frozen=True)
@@ -390,32 +370,3 @@ def simulate(
     values = {name: np.array([value]) for name, value in model.parameters.values().items()}
     run = program.run(values, drive, state, substeps=substeps)
     return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})
-
-
-def _filled(push: Array) -> Array:
-    """Return forces from outside with every lane of a block filled."""
-    if push.shape[0] == 0:
-        return push
-    full = np.zeros((*push.shape[:3], LANES))
-    full[..., : push.shape[3]] = push
-    return full
-
-
-def _joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
-    """Return what the kernel multiplies: all of the predictor side by side, and both force parts.
-
-    One set of matrices is given for each piece of a sample, for the lanes in use.
-    """
-    n, m, wide = matrices[0][2].shape
-    used = n + matrices[0][1].shape[1] + m
-    whole = np.zeros((len(matrices), n, -(-used // CHUNK) * CHUNK, LANES))
-    phi1_force, phi2_force = np.zeros((2, len(matrices), n, m, LANES))
-    for piece, (e, input_part, force_part, force_slope) in enumerate(matrices):
-        whole[piece, :, :used, :wide] = np.concatenate((e, input_part, force_part), axis=1)
-        phi1_force[piece, ..., :wide] = force_part
-        phi2_force[piece, ..., :wide] = force_slope
-    return whole, phi1_force, phi2_force
-
-
-def _lane_last(matrix: Array) -> Array:
-    return np.ascontiguousarray(np.moveaxis(matrix, 0, 2))

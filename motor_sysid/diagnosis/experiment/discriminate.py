@@ -15,14 +15,14 @@ from motor_sysid.diagnosis.experiment.separate import (
     weakest,
 )
 from motor_sysid.diagnosis.experiment.stage import Stage
-from motor_sysid.diagnosis.refit import MIN_DELTA_BIC
+from motor_sysid.diagnosis.threshold import UNCALIBRATED
 from motor_sysid.physics.model import Model
 
-SURE = 2 * MIN_DELTA_BIC
+SURE = 2 * UNCALIBRATED
 """Expected dBIC from which an experiment is said to decide: what is found then scatters by about
 twice its root, and seldom falls below what the diagnosis asks for."""
 
-PLENTY = 10 * MIN_DELTA_BIC
+PLENTY = 10 * UNCALIBRATED
 """Expected dBIC above which more is not better, but a shorter experiment is."""
 
 FINALISTS, HASTY = 4, 2

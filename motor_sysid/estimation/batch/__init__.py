@@ -1,15 +1,9 @@
 """Batch estimation: output-error least squares, and swarms with a least-squares polish."""
 
+from motor_sysid.estimation.batch.chains import Chain, make_chain, observed_outputs, thinned
 from motor_sysid.estimation.batch.least_squares import fit, fit_and_slopes
 from motor_sysid.estimation.batch.multistart import fit_multistart, misfit
-from motor_sysid.estimation.batch.problem import (
-    Chain,
-    Linearization,
-    make_chain,
-    observed_outputs,
-    Problem,
-    thinned,
-)
+from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.refit import METHODS, refit
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.estimation.batch.swarms import search, SWARMS

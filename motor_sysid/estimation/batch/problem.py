@@ -1,76 +1,23 @@
 """Output error of a model over records, as a function of a scaled vector: what a fit minimizes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from itertools import accumulate, groupby, pairwise
+from dataclasses import dataclass
+from itertools import accumulate, groupby
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.chains import Chain
 from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
-from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.motors.base import Motor
-from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.physics.rollout import Program
-from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-_REST_TIME = 0.02
 _WIDE_OPEN = 1e6
-_START_SPAN = 21
 _PIECE = 500
-_WINDOW, _RUN_IN = 1500, 100
-_WORTH_THINNING = 1.5
-
-
-@dataclass(frozen=True)
-class Stretch:
-    """One uninterrupted piece of data that the model is run over from a fresh core state.
-
-    Attributes
-    ----------
-    record:
-        Uniformly sampled record.
-    drive:
-        What drives the model.
-    measured:
-        (N, n_y) measured outputs.
-    state:
-        (n,) initial state read from the data.
-    open_states:
-        Indices of the states whose initial value is uncertain; the best ones are used.
-    state_size:
-        (n,) size of a small change of each state.
-    scored_from:
-        First row whose error counts; its length, where the stretch is run only for its memory.
-    """
-
-    record: Record
-    drive: Drive
-    measured: Array
-    state: Array
-    open_states: tuple[int, ...]
-    state_size: Array
-    scored_from: int = 0
-
-    @property
-    def scored(self) -> bool:
-        """Whether any of its error counts."""
-        return self.scored_from < len(self.record)
-
-    @property
-    def judged(self) -> Array:
-        """The (K, n_y) measured outputs whose error counts."""
-        return self.measured[self.scored_from :]
-
-
-Chain = tuple[Stretch, ...]
-"""Stretches that follow each other in time: the memory of effects carries on."""
 
 
 @dataclass(frozen=True)
@@ -90,152 +37,6 @@ class Linearization:
     residual: Array
     slope: Array
     start: Array
-
-
-def observed_outputs(kind: Motor, records: Sequence[Record]) -> tuple[str, ...]:
-    """Return the outputs that the error is taken of.
-
-    These are the signals of the motor kind that every record has; position only where there is no
-    speed, for a speed is mostly its derivative.
-
-    Raises
-    ------
-    UserError
-        If there is none.
-    """
-    have = [o.signal for o in kind.outputs if all(o.signal in r for r in records)]
-    if 'speed' in have and 'position' in have:
-        have.remove('position')
-    if not have:
-        wanted = ', '.join(o.signal for o in kind.outputs)
-        raise UserError(f'a {kind.title} needs one of {wanted}; name the topic or column for it')
-    return tuple(have)
-
-
-def make_chain(
-    record: Record,
-    kind: Motor,
-    outputs: Sequence[str],
-    *,
-    horizon: float | None = None,
-    train_fraction: float = 1.0,
-    scored: str = 'all',
-) -> Chain:
-    """Cut a record into stretches.
-
-    Parameters
-    ----------
-    record:
-        The record; resampled if not uniform.
-    kind, outputs:
-        Motor kind and the outputs that the error is taken of.
-    horizon:
-        Length of a stretch in s: the model is run that far ahead of the measured state; None runs
-        it freely over the whole.
-    train_fraction:
-        Where the held-back part begins, as a fraction of the record.
-    scored:
-        ``all``; or ``train`` or ``validate``: the part before or after `train_fraction` counts.
-        A free run is never restarted: it reaches the held-back part from the start of the record.
-    """
-    even = record.uniform()
-    cut = round(train_fraction * len(even))
-    if horizon is None:
-        last = cut if scored == 'train' else len(even)
-        return (_stretch(even, 0, last, kind, outputs, cut if scored == 'validate' else 0),)
-    parts = [(0, cut, scored != 'validate'), (cut, len(even), scored != 'train')]
-    chain: list[Stretch] = []
-    for first, last, counts in parts:
-        if last - first < 2 or (first > 0 and scored == 'train'):
-            continue
-        pieces = max(round((last - first) / max(int(horizon / even.dt), 20)), 1)
-        edges = np.linspace(first, last, pieces + 1).astype(int)
-        chain += [
-            _stretch(even, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
-            for a, b in pairwise(edges)
-        ]
-    return tuple(chain)
-
-
-def thinned(
-    chains: Sequence[Chain], kind: Motor, outputs: Sequence[str], rows: int
-) -> tuple[Chain, ...]:
-    """Return windows of about `rows` rows in all, spread evenly over the scored data.
-
-    Each is a chain by itself, begins in motion at the measured state, and is not judged by its
-    first rows.  Data that are not much longer are returned as they are.
-    """
-    total = sum(len(stretch.judged) for chain in chains for stretch in chain if stretch.scored)
-    if total <= _WORTH_THINNING * rows:
-        return tuple(chains)
-    windows: list[Chain] = []
-    for chain in chains:
-        for stretch in chain:
-            if not stretch.scored:
-                continue
-            first, length = stretch.scored_from, len(stretch.judged)
-            share = rows * length / total
-            count = max(round(share / _WINDOW), 1)
-            width = max(int(share / count), 20)
-            starts = first + (np.arange(count) + 0.5) * (length - width) / count
-            windows += [
-                (_window(stretch, int(a), int(a) + width, kind, outputs),) for a in starts
-            ]
-    return tuple(windows)
-
-
-def _window(
-    stretch: Stretch, first: int, last: int, kind: Motor, outputs: Sequence[str]
-) -> Stretch:
-    """Cut rows first to last out of a stretch, run in from a little earlier."""
-    begin = max(first - _RUN_IN, 0)
-    cut = _stretch(stretch.record, begin, last, kind, outputs, first - begin)
-    drive = stretch.drive
-    return replace(
-        cut,
-        drive=Drive(
-            drive.inputs[begin:last],
-            drive.dt,
-            drive.start + begin * drive.dt,
-            drive.position[begin:last],
-        ),
-    )
-
-
-def _stretch(
-    even: Record, first: int, last: int, kind: Motor, outputs: Sequence[str], scored_from: int
-) -> Stretch:
-    """Prepare rows first to last; a stretch that begins at rest starts from rest."""
-    record = even.slice(first, last)
-    drive = replace(Drive.of(record, kind), start=float(record.time[0] - even.time[0]))
-    measured = np.column_stack([record[name] for name in outputs])
-    speed = measured_speed(even)
-    top = float(np.max(np.abs(speed), initial=1e-12))
-    head = speed[first : first + max(int(_REST_TIME / even.dt), 3)]
-    at_rest = bool(np.all(np.abs(head) <= 1e-3 * top))
-    state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
-    still_open: list[int] = []
-    for j, name in enumerate(kind.states):
-        if name == 'omega' and not at_rest:
-            state[j], size[j] = _value_at(speed, first), 1e-3 * top
-            still_open.append(j)
-        elif name == 'theta' and 'position' in record:
-            state[j] = _value_at(even['position'], first)
-            if 'position' in outputs:
-                size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
-                still_open.append(j)
-        elif name == 'i' and 'current' in record and not at_rest:
-            state[j] = _value_at(even['current'], first)
-    return Stretch(record, drive, measured, state, tuple(still_open), size, scored_from)
-
-
-def _value_at(values: Array, index: int) -> float:
-    """Value of a smooth noisy signal at a sample: a parabola through its surroundings."""
-    first = max(index - _START_SPAN // 2, 0)
-    around = values[first : first + _START_SPAN]
-    degree = 2 if around.size > 8 else 1
-    fitted = np.polynomial.Polynomial.fit(np.arange(first, first + around.size), around, degree)
-    return float(fitted(index))
 
 
 class Problem:

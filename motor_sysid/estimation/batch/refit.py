@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.chains import make_chain, observed_outputs
 from motor_sysid.estimation.batch.least_squares import fit, result_at, Solution
-from motor_sysid.estimation.batch.problem import make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.estimation.batch.swarms import search, SWARMS
 from motor_sysid.estimation.batch.weighting import Weighting, white

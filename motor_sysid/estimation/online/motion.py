@@ -12,7 +12,8 @@ from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import Program, Workspace
+from motor_sysid.physics.rollout import Program
+from motor_sysid.physics.workspace import Workspace
 
 Array = NDArray[np.float64]
 

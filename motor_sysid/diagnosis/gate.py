@@ -1,0 +1,116 @@
+"""Whether what an effect gains is real: the gates that it must pass."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.compare import Comparison
+from motor_sysid.diagnosis.rung import Rung, vanished
+from motor_sysid.diagnosis.score import Scored
+from motor_sysid.estimation.batch import Weighting
+
+Array = NDArray[np.float64]
+
+MIN_GAIN_PERCENT = 1.0
+MIN_FURTHER_GAIN_PERCENT = 5.0
+"""Relative decrease of the held-out error that an effect must bring to matter: the first one, and
+every further one, for what the first does not fit to the last detail looks like a second one."""
+
+UNPHYSICAL = 'unphysical sign'
+
+BLOCKS = 20
+MIN_STEADY = 0.75
+"""Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
+they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
+
+CERTAIN_GAIN, CERTAIN_STEADY, CERTAIN_T = 10.0, 0.9, 3.0
+"""An effect whose gain is lost in the noise of the sensors is believed if the whitened held-out
+error falls by this much and either steadily, or by so many standard errors of its block means."""
+
+MIN_SHARE, MIN_FURTHER_SHARE = 0.1, 0.5
+"""Share of all that the whole dictionary could still explain, which such a small effect must
+explain alone: the first one, and further ones, which may be the misfit of the first."""
+
+ALIKE = 0.9999
+"""Share of an effect that base parameters mimic, above which they are called alike."""
+
+
+def combined_error(now: Comparison, before: Comparison) -> float:
+    """Return the error with each channel in units of its error under the model before."""
+    old, new = before.channel_percent, now.channel_percent
+    parts = [(new[name] / max(old[name], 1e-12)) ** 2 for name in new]
+    return float(np.sqrt(np.mean(parts)))
+
+
+def steadiness(before: Comparison, after: Comparison) -> float:
+    """Return the steadiness of the gain, with each channel in units of its error before."""
+    size = np.sqrt(np.mean(np.concatenate(before.residuals) ** 2, axis=0)) + 1e-300
+    pairs = zip(before.residuals, after.residuals, strict=True)
+    gains = [np.sum((a / size) ** 2 - (b / size) ** 2, axis=1) for a, b in pairs]
+    return _steadiness(_blocks(gains))
+
+
+def is_certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
+    """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
+    pairs = zip(before.residuals, after.residuals, strict=True)
+    squares = [[weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in pair] for pair in pairs]
+    gains = _blocks([a - b for a, b in squares])
+    error = float(gains.std(ddof=1)) / np.sqrt(gains.size) if gains.size > 1 else np.inf
+    sure = _steadiness(gains) >= CERTAIN_STEADY or gains.mean() > CERTAIN_T * error
+    return bool(gains.sum() > CERTAIN_GAIN and sure)
+
+
+def _blocks(gains: Sequence[Array]) -> Array:
+    """Return sums over about `BLOCKS` blocks of equal length."""
+    total = sum(g.size for g in gains)
+    pieces = [np.array_split(g, max(round(BLOCKS * g.size / total), 1)) for g in gains]
+    return np.array([float(np.sum(piece)) for group in pieces for piece in group])
+
+
+def _steadiness(gains: Array) -> float:
+    return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
+
+
+def gate_note(
+    scored: Scored,
+    new: Rung,
+    old: Rung,
+    delta: float,
+    gain: float,
+    steady: float,
+    certain: bool,
+    threshold: float,
+) -> str:
+    """Return why a refit does not pass, in plain words; empty where it does.
+
+    Parameters
+    ----------
+    scored:
+        The score that it was chosen by.
+    new, old:
+        The refit, and the fit without the effect.
+    delta, threshold:
+        Gain in BIC, and what it must be.
+    gain:
+        Relative decrease of the held-out error, percent.
+    steady:
+        Steadiness of that decrease; see `MIN_STEADY`.
+    certain:
+        Whether the whitened held-out error falls beyond doubt.
+    """
+    key = scored.variant.effect.key
+    if vanished(new.model, key):
+        return UNPHYSICAL
+    if not np.isfinite(delta):
+        return 'cannot be simulated'
+    if delta < threshold:
+        alike = scored.overlap > ALIKE
+        return 'these data cannot tell it from what the model has' if alike else 'no evidence'
+    if certain and gain > -MIN_GAIN_PERCENT:
+        return ''
+    if gain < (MIN_FURTHER_GAIN_PERCENT if old.model.effects else MIN_GAIN_PERCENT):
+        return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
+    if steady < MIN_STEADY:
+        return 'helps in some of the held-out data and harms in other'
+    return ''

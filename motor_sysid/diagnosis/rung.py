@@ -1,0 +1,172 @@
+"""A fitted model, and what is asked of it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.compare import compare, Comparison, comparison_of
+from motor_sysid.diagnosis.moments import with_best_moments
+from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.estimation.batch import (
+    fit,
+    fit_and_slopes,
+    FitResult,
+    Linearization,
+    Problem,
+    Weighting,
+)
+from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+BRIEF_STEPS = 5
+"""Most steps of a fit of a trial, which begins near its end."""
+
+BRIEF, FULL = 1e-5, 1e-7
+"""Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
+"""
+
+FINE = 4
+"""Integration steps per sample where one is not enough."""
+
+
+@dataclass(frozen=True)
+class Rung:
+    """A fitted model with everything that is asked of it.
+
+    Attributes
+    ----------
+    result:
+        The fit.
+    training, validation:
+        Free-running errors.
+    held:
+        Errors on held-out data, looking as far ahead as the fit does.
+    near:
+        Residuals and derivatives over the training data; empty if not kept.
+    substeps:
+        Integration steps per sample that all this was reckoned with.
+    """
+
+    result: FitResult
+    training: Comparison
+    validation: Comparison
+    held: Comparison
+    near: tuple[Linearization, ...] = ()
+    substeps: int = 1
+
+    @property
+    def model(self) -> Model:
+        """The fitted model."""
+        return self.result.model
+
+
+def climb(
+    model: Model,
+    bench: Bench,
+    start: Weighting | None = None,
+    *,
+    briefly: bool = False,
+    near: Sequence[Linearization] = (),
+) -> Rung:
+    """Fit a model on the training data and take its free-running errors.
+
+    A trial fits `briefly`: it is followed by a projection, and the winner is fitted in full.
+    `near` holds residuals and derivatives of the model as it is, if they are known; then a brief
+    fit takes the noise as `start` has it.
+    """
+    reweight, iterations = (0 if near else 1, BRIEF_STEPS) if briefly else (3, 30)
+    problem = bench.problem(model)
+    tolerance = BRIEF if briefly else FULL
+    result, near = fit_and_slopes(
+        problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance, near=near
+    )
+    moved = with_best_moments(bench.problem(result.model), result.weighting)
+    if moved is not result.model:
+        result, near = fit_and_slopes(
+            bench.problem(moved), result.weighting, reweight=reweight, iterations=iterations,
+            tolerance=tolerance,
+        )  # fmt: skip
+    return judge(result, bench, near)
+
+
+def polish(rung: Rung, bench: Bench) -> Rung:
+    """Fit a model that was fitted over short looks ahead once more over free runs.
+
+    The result counts only if it runs better on held-out data, too.
+    """
+    if bench.horizon is None:
+        return rung
+    free = Problem(rung.model, bench.train_free, bench.outputs, substeps=bench.substeps)
+    better = judge(fit(free), bench)
+    improved = better.validation.error_percent < rung.validation.error_percent
+    improved = improved and not any(vanished(better.model, key) for key in better.model.effects)
+    return better if improved else rung
+
+
+def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -> Rung:
+    """Take the errors of a fitted model; `near` holds its residuals on the training data."""
+    outputs, substeps = bench.outputs, bench.substeps
+    if near and bench.train_free is bench.train:
+        training = comparison_of([one.residual for one in near], bench.problem(result.model))
+    else:
+        training = compare(result.model, bench.train_free, outputs, substeps=substeps)
+    held = compare(result.model, bench.held, outputs, substeps=substeps)
+    free = held
+    if bench.held_free is not bench.held:
+        free = compare(result.model, bench.held_free, outputs, substeps=substeps)
+    return Rung(result, training, free, held, tuple(near), substeps)
+
+
+def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+    """Check the integration of a fitted model, and refit with finer steps where it matters.
+
+    Integration error would count as missing physics; it may be a tenth of the remaining error.
+    """
+    if bench.substeps >= FINE or not rung.model.effects:
+        return rung, bench
+    fine = replace(bench, substeps=FINE)
+    coarse = np.concatenate(rung.training.residuals)
+    finer = np.concatenate(
+        compare(rung.model, bench.train_free, bench.outputs, substeps=FINE).residuals
+    )
+    change = np.sqrt(np.mean((finer - coarse) ** 2, axis=0))
+    if np.all(change < 0.1 * np.sqrt(np.mean(coarse**2, axis=0))):
+        return rung, bench
+    return climb(rung.model, fine, rung.result.weighting), fine
+
+
+def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
+    """Return residuals and derivatives of a fitted model over the training data."""
+    if rung.near and rung.substeps == bench.substeps:
+        return rung.near
+    problem = bench.problem(rung.model)
+    return problem.linearize(problem.vector())
+
+
+def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float, int]:
+    """Return the whitened sum of squares at the nearest minimum, and the number of rows."""
+    near = slopes(rung, bench)
+    gradient, curvature, cost = normal_equations(near, weighting)
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
+    rows = sum(one.residual.size for one in near)
+    return cost - float(step @ (gradient / scale)), rows
+
+
+def gain_in_bic(before: Rung, after: Rung, bench: Bench, weighting: Weighting) -> float:
+    """Return the gain in BIC from one fitted model to another one with more parameters."""
+    old, rows = profile_cost(before, bench, weighting)
+    new, _ = profile_cost(after, bench, weighting)
+    extra = len(after.model.parameters.free) - len(before.model.parameters.free)
+    return old - new - extra * float(np.log(rows))
+
+
+def vanished(model: Model, key: str) -> bool:
+    """Whether a fit has taken an effect of one sign to nothing."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes if a.positive]
+    return bool(own) and all(p.value <= 1e-9 * p.upper for p in own)

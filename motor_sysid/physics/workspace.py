@@ -1,0 +1,63 @@
+"""What the kernel works on for one block of parameter vectors."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.physics.kernel import CHUNK
+from motor_sysid.physics.lanes import LANES
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Workspace:
+    """Matrices and lengths of the substeps, lanes in use, whole samples of delay, flat memory.
+
+    `linear` is A, B, G of the motor with the lane last, or empty where no law needs them.  See
+    `motor_sysid.physics.kernel.run_block` for shapes.
+    """
+
+    matrices: tuple[Array, Array, Array]
+    width: Array
+    wide: int
+    late: NDArray[np.int64]
+    buffer: Array
+    linear: tuple[Array, Array, Array]
+
+    @property
+    def by_force(self) -> Array:
+        """(n, m) change of the state in one step by constant forces of one, in the first lane."""
+        return self.matrices[1][0, :, :, 0]
+
+
+def filled(push: Array) -> Array:
+    """Return forces from outside with every lane of a block filled."""
+    if push.shape[0] == 0:
+        return push
+    full = np.zeros((*push.shape[:3], LANES))
+    full[..., : push.shape[3]] = push
+    return full
+
+
+def joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
+    """Return what the kernel multiplies: all of the predictor side by side, and both force parts.
+
+    One set of matrices is given for each piece of a sample, for the lanes in use.
+    """
+    n, m, wide = matrices[0][2].shape
+    used = n + matrices[0][1].shape[1] + m
+    whole = np.zeros((len(matrices), n, -(-used // CHUNK) * CHUNK, LANES))
+    phi1_force, phi2_force = np.zeros((2, len(matrices), n, m, LANES))
+    for piece, (e, input_part, force_part, force_slope) in enumerate(matrices):
+        whole[piece, :, :used, :wide] = np.concatenate((e, input_part, force_part), axis=1)
+        phi1_force[piece, ..., :wide] = force_part
+        phi2_force[piece, ..., :wide] = force_slope
+    return whole, phi1_force, phi2_force
+
+
+def lane_last(matrix: Array) -> Array:
+    """Return matrices (K, n, m) as (n, m, K), in one piece of memory."""
+    return np.ascontiguousarray(np.moveaxis(matrix, 0, 2))
