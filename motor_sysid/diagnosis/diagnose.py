@@ -16,7 +16,7 @@ from motor_sysid.diagnosis.refit import best_per_effect, Trial, try_effect, try_
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.rounds import refitted, scored, WORKERS
+from motor_sysid.diagnosis.rounds import refitted, scored, unseen, WORKERS
 from motor_sysid.diagnosis.rung import (
     climb,
     gain_in_bic,
@@ -29,7 +29,7 @@ from motor_sysid.diagnosis.rung import (
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.threshold import Threshold
-from motor_sysid.diagnosis.verdict import RIVAL_BIC, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import RIVAL_BIC, RIVAL_SHARE, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
@@ -38,6 +38,9 @@ from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
+
+ONLY_NOISE = 1.02
+"""Whitened variance, in units of the noise, up to which a model leaves nothing to reconsider."""
 
 ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""
@@ -184,6 +187,8 @@ class _Engine:
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""
         scores = scored(rung, self.bench, self.candidates, self.tell)
+        if not self.seen:
+            self.candidates = [c for c in self.candidates if c.key not in unseen(scores)]
         self.seen[frozenset(rung.model.effects)] = rung, scores
         return scores
 
@@ -204,6 +209,11 @@ class _Engine:
         Another effect that does as well is noted in `rivals`.
         """
         own = [key for key in rung.model.effects if key not in start]
+        cost, rows = profile_cost(
+            rung, self.bench, self.seen[frozenset(rung.model.effects)][1].weighting
+        )
+        if cost < ONLY_NOISE * rows:
+            return None
         first = self.seen[frozenset(start)][1].pairs
         if first and {one.variant.effect.key for one in first[0]} == set(own):
             return None
@@ -212,7 +222,7 @@ class _Engine:
             mine = gain_in_bic(slim, rung, self.bench, scores.weighting)
             if len(own) > 1:
                 for trial in self.substitutes(key, slim, scores, mine):
-                    if trial.delta_bic > mine + RIVAL_BIC:
+                    if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
                         self.tell(f'{trial.key} does better than {key}')
                         return climb(trial.rung.model, self.bench, rung.result.weighting)
                     if trial.key not in rivals.get(key, ()):
@@ -236,7 +246,7 @@ class _Engine:
             )
             tried = [(*fitted, pair) for fitted, pair in zip(fits, worth, strict=True)]
         tried.sort(key=lambda one: -one[1])
-        if not tried or not tried[0][1] > gain + RIVAL_BIC:
+        if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
             return None
         best = {one.variant.effect.key for one in tried[0][2]}
         for _, other, pair in tried[1:]:

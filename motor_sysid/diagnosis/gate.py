@@ -17,6 +17,10 @@ MIN_FURTHER_GAIN_PERCENT = 5.0
 """Relative decrease of the held-out error that an effect must bring to matter: the first one, and
 every further one, for what the first does not fit to the last detail looks like a second one."""
 
+MIN_CERTAIN_GAIN_PERCENT = 0.5
+"""The same for a further effect whose gain is beyond doubt: no law is exact to the last detail,
+and enough data show it."""
+
 UNPHYSICAL = 'unphysical sign'
 
 BLOCKS = 20
@@ -107,9 +111,10 @@ def gate_note(
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
-    if certain and gain > -MIN_GAIN_PERCENT:
+    further = bool(old.model.effects)
+    if certain and gain > (MIN_CERTAIN_GAIN_PERCENT if further else -MIN_GAIN_PERCENT):
         return ''
-    if gain < (MIN_FURTHER_GAIN_PERCENT if old.model.effects else MIN_GAIN_PERCENT):
+    if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
     if steady < MIN_STEADY:
         return 'helps in some of the held-out data and harms in other'

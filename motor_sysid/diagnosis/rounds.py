@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
+from motor_sysid.diagnosis.gate import ALIKE
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, settled, Trial, try_roughly
 from motor_sysid.diagnosis.rung import Rung, slopes
@@ -30,6 +31,15 @@ def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -
     tried = list(variants(rung.model, bench.scales, candidates, proposed))
     tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
     return score(problem, problem.vector(), tried, slopes(rung, bench))
+
+
+def unseen(scores: Scores) -> set[str]:
+    """Return the effects that the motor's own parameters mimic to the last detail.
+
+    On top of another effect such a one would only make up for the other's misfit.
+    """
+    keys = {one.variant.effect.key for one in scores.singles}
+    return keys - {one.variant.effect.key for one in scores.singles if one.overlap < ALIKE}
 
 
 def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -> list[Trial]:
