@@ -8,7 +8,7 @@ import sys
 import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
-EXECUTABLES = {'identifier', 'motor', 'motor-sysid', 'pid', 'recorder'}
+EXECUTABLES = {'excitation', 'identifier', 'motor', 'motor-sysid', 'pid', 'recorder'}
 
 
 @pytest.fixture(scope='module')

@@ -27,23 +27,25 @@ TOO_VAGUE = 2
 
 
 def winner_of(passing: Sequence[Trial]) -> Trial:
-    """Return the best trial, or its simplest special case that explains most of it."""
+    """Return the best trial, or its simplest special case that explains most of it.
+
+    Of several that do as well, one that keeps what the model has goes first.
+    """
     best = passing[0]
-    simplest, following = best, _special(best, passing)
-    while following is not None:
-        simplest, following = following, _special(following, passing)
+    simplest = _simplest(best, passing)
     if simplest is not best:
         return simplest
     equal = {best.key, *rivals_of(best, passing)}
     keeps = [t for t in passing if t.key in equal and not t.scored.variant.inherits]
-    return keeps[0] if keeps else best
+    return _simplest(keeps[0], passing) if keeps else best
 
 
-def _special(trial: Trial, passing: Sequence[Trial]) -> Trial | None:
-    """Return the best special case of a trial, if there is one that explains most of it."""
+def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
+    """Return the end of the chain of special cases, each of which explains most of the last."""
     covered = trial.scored.variant.effect.card.generalises
     enough = SPECIAL_SHARE * trial.delta_bic
-    return next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
+    special = next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
+    return trial if special is None else _simplest(special, passing)
 
 
 def rivals_of(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:

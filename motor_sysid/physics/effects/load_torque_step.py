@@ -17,6 +17,7 @@ CARD = Card(
     ),
     axis='time',
     moment='t_on',
+    generalises={'constant_load_torque': (('tau_l', 'tau_l'),)},
 )  # fmt: skip
 
 
