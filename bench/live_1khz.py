@@ -55,6 +55,10 @@ def arguments() -> argparse.Namespace:
     parser.add_argument('--refit-method', default='pso')
     parser.add_argument('--drain-period', type=float, default=0.002)
     parser.add_argument('--storage', default='sqlite3')
+    parser.add_argument(
+        '--realtime', type=int, default=0,
+        help='run the identifier under SCHED_FIFO with this priority, as `chrt -f N` does',
+    )
     parser.add_argument('--json', type=Path)
     return parser.parse_args()
 
@@ -64,6 +68,9 @@ def measure(args: argparse.Namespace, folder: Path) -> dict[str, object]:
     bag = folder / 'bag'
     with node_processes(folder / 'nodes') as processes:
         start(processes, args, bag)
+        if args.realtime:
+            identifier = processes.process_id('identifier')
+            os.sched_setscheduler(identifier, os.SCHED_FIFO, os.sched_param(args.realtime))
         with Monitor() as monitor:
             monitor.wait_until_heard(processes.check)
             monitor.start_profile(processes.check)

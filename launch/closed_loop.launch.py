@@ -50,6 +50,12 @@ def generate_launch_description():
                 'excitation', default_value='steps', description='its profile: file or name'
             ),
             DeclareLaunchArgument('estimator', default_value='rls', description='rls or ekf'),
+            DeclareLaunchArgument(
+                'refit_period', default_value='0.0', description='refit this often, s; 0: never'
+            ),
+            DeclareLaunchArgument(
+                'diagnose_period', default_value='0.0', description='diagnose this often, s'
+            ),
             DeclareLaunchArgument('record', default_value='true', description='record a bag'),
             DeclareLaunchArgument('bag', default_value='', description='folder of the bag'),
             node(
@@ -58,7 +64,12 @@ def generate_launch_description():
                 # launch knows List[str], not list[str]
                 hidden_effects=argument('hidden_effects', List[str]),  # noqa: UP006
             ),
-            node('identifier', estimator=argument('estimator', str)),
+            node(
+                'identifier',
+                estimator=argument('estimator', str),
+                refit_period=argument('refit_period', float),
+                diagnose_period=argument('diagnose_period', float),
+            ),
             node(
                 'recorder',
                 IfCondition(LaunchConfiguration('record')),

@@ -188,7 +188,7 @@ def test_units_are_consistent(key):
 
 ARGUMENT_UNITS = {
     'i': 'A', 'omega': 'rad/s', 'theta': 'rad', 'u': 'V', 't': 's', 'di': 'A/s',
-    'domega': 'rad/s^2',
+    'domega': 'rad/s^2', 'turn': 'rad',
 }  # fmt: skip
 BASIC = {
     '1': (0, 0, 0), 'rad': (0, 0, 0), 'rev': (0, 0, 0), 'kg': (1, 0, 0), 's': (0, 1, 0),

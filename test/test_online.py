@@ -424,14 +424,14 @@ def test_columns_are_the_law_with_one_amplitude_at_one():
     model = model.with_effect('brush_voltage_drop')
     model = model.with_values({'cogging_torque.b_1': 3e-3})
     model = model.with_free(['cogging_torque.b_1'], False)
-    laws = LawColumns(model, ['torque'], ('i', 'omega', 'theta', 'u', 't'))
+    laws = LawColumns(model, ['torque'], ('i', 'omega', 'theta', 'u', 't', 'turn'))
     names = [column.name.partition('.')[2] for column in laws.columns]
     assert names == ['a_1', 'a_2', 'b_2', '', 'tau_c', '']
     assert laws.needs == {'omega', 'theta'}
     found = np.empty(len(laws.columns))
-    evaluate_columns(*laws.table, np.array([1.0, 0.05, 0.3, 2.0, 0.0]), found)
+    evaluate_columns(*laws.table, np.array([1.0, 0.05, 0.3, 2.0, 0.0, 0.05]), found)
     cogging, friction = effect('cogging_torque').laws['torque'], effect('coulomb_friction')
-    unit = [cogging(0.3, *row, 12.0) for row in np.eye(4)]
+    unit = [cogging(0.3, 0.05, *row, 12.0) for row in np.eye(4)]
     expected = [unit[0], unit[2], unit[3], 3e-3 * unit[1]]
     expected += [friction.laws['torque'](0.05, model['omega_eps'], 1.0), 0.0]
     assert found == pytest.approx(expected, rel=1e-12)

@@ -65,6 +65,19 @@ def test_effects_agree_with_an_adaptive_integrator():
         assert np.std(found.outputs[name] - truth) < 5e-4 * np.std(truth)
 
 
+@pytest.mark.parametrize(('volts', 'share'), [(2.0, 0.03), (4.0, 0.25), (8.0, 0.15)])
+def test_waves_shorter_than_a_step_average_out(volts, share):
+    """At 43 waves per turn a sample covers 0.25, 0.5 and 1 waves."""
+    held = np.repeat([volts, 0.9 * volts, 1.1 * volts], 200)
+    record = Record(DT * np.arange(held.size), {'voltage': held}, {'voltage': 'V'})
+    smooth = Model.base('brushed_dc', MOTOR)
+    model = smooth.with_effect('cogging_torque', {'a_1': 1e-2, 'n': 43})
+    fine, coarse = (simulate(model, record, ['speed'], substeps=k) for k in (64, 1))
+    plain = simulate(smooth, record, ['speed'], substeps=64).outputs['speed']
+    effect = np.std(fine.outputs['speed'] - plain) + 1e-2 * DT / 5e-5  # one step of the torque
+    assert np.std(coarse.outputs['speed'] - fine.outputs['speed']) < share * effect
+
+
 def test_a_fractional_delay_shifts_the_answer():
     record = random_steps()
     model = Model.base('brushed_dc', MOTOR)

@@ -213,6 +213,7 @@ def _paths(problem: Problem) -> list[tuple[Path, Path]]:
                 if late else drive.inputs[:, j]
                 for j, name in enumerate(kind.arguments)
             }  # fmt: skip
+            states['turn'] = drive.dt * states['omega']
             ended = {name: np.append(v[1:], v[-1]) for name, v in states.items()}
             paths.append(({**states, **inputs}, {**ended, **inputs}))
     return paths

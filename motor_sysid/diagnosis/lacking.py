@@ -195,6 +195,8 @@ def _core_states(
     inputs = [record[name] for name in input_signals(record, model.kind)]
     states.update(zip(model.kind.arguments, inputs, strict=True))
     states['t'] = record.time - record.time[0]
+    if 'omega' in states:
+        states['turn'] = record.dt * states['omega']
     return states
 
 

@@ -102,7 +102,7 @@ def _lacks(model: Model, records: Sequence[Record], force: str) -> list[_Lack]:
         states.update(rates_of(model, states, even.dt))
         time = even.time - even.time[0]
         states['t'] = time
-        columns = [v for n, v in states.items() if n not in ('t', 'theta')]
+        columns = [v for n, v in states.items() if n not in ('t', 'theta', 'turn')]
         width = model['omega_eps']
         columns += [np.ones(time.size), np.clip(states['omega'] / width, -1.0, 1.0)]
         basis, _ = np.linalg.qr(np.column_stack(columns))

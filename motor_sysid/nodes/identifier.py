@@ -1,7 +1,9 @@
 """The `identifier` node: live estimates, predictions, refits, diagnoses, a model to edit."""
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 import time
 
 from diagnostic_msgs.srv import AddDiagnostics
@@ -43,7 +45,12 @@ from motor_sysid.nodes.topics import plan_signals, untyped, with_types
 FIELDS = {'position': 'position', 'speed': 'velocity', 'current': 'effort'}
 """Signal to the field of `JointState` that carries its prediction; effort holds the current, A."""
 
-TAKEN = 40
+Sending = Callable[[], None]
+
+MOST_WAITING = 8
+"""Messages that may wait to be published; with more, a step publishes all above it."""
+
+TAKEN = 2
 """Most messages taken from one topic in a step: after a stall the backlog comes in pieces."""
 
 
@@ -75,6 +82,7 @@ class IdentifierNode(LoopNode):
         self._sources = s.sources()
         self._pipeline: Pipeline | None = None
         self._topics: list[RawTopic] = []
+        self._outbox: deque[Sending] = deque()
         self._work = LongWork(self.get_logger())
         self._next_look = 0.0
         self._advertise()
@@ -127,7 +135,8 @@ class IdentifierNode(LoopNode):
                 batch.messages = self._take(self._pipeline)
                 batch.taken = time.perf_counter()
                 for event in self._pipeline.advance(self.settings.value.time_budget):
-                    self._publish(event)
+                    self._post(event)
+                self._send(MOST_WAITING)
             self.hurry = self._pipeline.collect() > 0 or batch.messages >= TAKEN
             if self._next is not None and not self._pipeline.stream.waiting:
                 self._adopt(self._next, self._pipeline.stream.changed)
@@ -142,19 +151,39 @@ class IdentifierNode(LoopNode):
         return count
 
     def close(self) -> None:
-        """Stop the worker."""
+        """Publish what waits, and stop the worker."""
+        self._send(0)
         self._work.close()
 
-    def _publish(self, event: Event) -> None:
+    def _post(self, event: Event) -> None:
+        """Line up what an event has to tell."""
         self._health.note(event)
-        predicted, left = event.prediction, event.residual
-        self._prediction.publish(event.stamp, *(predicted[name] for name in self._shown))
-        self._residual.publish(event.stamp, *(left[name] for name in self._shown))
+        for publisher, values in (
+            (self._prediction, event.prediction), (self._residual, event.residual),
+        ):  # fmt: skip
+            shown = [values[name] for name in self._shown]
+            self._outbox.append(partial(publisher.publish, event.stamp, *shown))
         if event.estimate is not None:
-            self._estimate.publish(event.stamp, estimate_statuses(event))
-            if self._pipeline is not None:
-                target = self._next or self._configuration
-                self._work.note(event, self._pipeline, target, self.settings.value)
+            self._outbox.append(partial(self._tell_estimate, event))
+            self._outbox.append(partial(self._ask_for_work, event))
+
+    def _send(self, waiting: int) -> None:
+        """Publish one of the messages that wait, and all but `waiting` of them.
+
+        Publishing takes longer than estimating: one at a time, a step stays short.
+        """
+        while self._outbox:
+            self._outbox.popleft()()
+            if len(self._outbox) <= waiting:
+                break
+
+    def _tell_estimate(self, event: Event) -> None:
+        self._estimate.publish(event.stamp, estimate_statuses(event))
+
+    def _ask_for_work(self, event: Event) -> None:
+        if self._pipeline is not None:
+            target = self._next or self._configuration
+            self._work.note(event, self._pipeline, target, self.settings.value)
 
     def _look(self) -> None:
         """Look at what changes slowly."""

@@ -57,7 +57,7 @@ class IdentifierSettings:
     )
     drain_period: float = parameter(0.002, 'Messages are taken this often.', 's', 0.0005, 0.1)
     time_budget: float = parameter(
-        0.0005, 'Time for the estimator at a stretch; samples that it does not get to wait.', 's',
+        0.0002, 'Time for the estimator at a stretch; samples that it does not get to wait.', 's',
         1e-5, 1, live=True,
     )  # fmt: skip
     refit_period: float = parameter(

@@ -110,13 +110,20 @@ class Worker:
 def _serve(connection: Connection) -> None:
     """Work on jobs until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    os.nice(NICENESS)
+    _give_way()
     while True:
         try:
             job: Job = connection.recv()
             connection.send(_outcome(job))
         except (EOFError, OSError):
             return
+
+
+def _give_way() -> None:
+    """Leave the real-time class that the node may have been started in, and be nice."""
+    if hasattr(os, 'sched_setscheduler'):
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+    os.nice(NICENESS)
 
 
 def _outcome(job: Job) -> object:

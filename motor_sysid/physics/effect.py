@@ -4,7 +4,8 @@ An effect file defines ``CARD`` and at least one law.  A law is a function of on
 argument names say what it needs, and nothing else has to be declared:
 
 * states and inputs of the motor: ``i, omega, theta, u, t`` (and ``i_d, i_q, u_d, u_q, ...``);
-  ``t`` is the time since the start of the record,
+  ``t`` is the time since the start of the record, ``turn`` the angle in rad that the shaft turns
+  in one step (see `motor_sysid.physics.laws.step_share`),
 * the rate of change of the equation that the law is added to: ``domega`` for a torque, ``di`` for
   a voltage; the law must be proportional to it,
 * parameters of the motor: ``R, L, k_t, J, b, ...``, and the widths ``omega_eps, i_eps``,
@@ -26,7 +27,7 @@ from motor_sysid.errors import UserError
 
 ARGUMENTS = (
     'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
-    'u_b', 'u_c', 'di', 'domega',
+    'u_b', 'u_c', 'di', 'domega', 'turn',
 )  # fmt: skip
 """Every state, input and rate of change that a law may ask for, in the order of the kernel's
 rows."""

@@ -31,6 +31,7 @@ CHUNK = 3
 """Products that are summed at a time."""
 
 OMEGA, THETA = ARGUMENTS.index('omega'), ARGUMENTS.index('theta')
+TURN = ARGUMENTS.index('turn') * LANES
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
@@ -123,7 +124,7 @@ def run_block(  # type: ignore[no-untyped-def]
             for k in range(wide):
                 here[k] = position[sample] if follows else 0.0
                 p[time_at + k] = begins
-            load_state(wide, p, x, state_rows, position_row, follows, here)
+            load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
             clear(wide, p, output_sensor)
             call_all(wide, base, sensor_calls, 0, sensor_address.shape[0])
         show(
@@ -160,7 +161,7 @@ def run_block(  # type: ignore[no-untyped-def]
                     there[k] = here[k] + slope * h[k]
 
             # stage 0: every law at the state
-            load_state(wide, p, x, state_rows, position_row, follows, here)
+            load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
             clear(wide, p, force_rows)
             call_all(wide, base, lane_calls, 0, stiff_count)
             keep(wide, begun, p, force_rows)
@@ -195,7 +196,9 @@ def run_block(  # type: ignore[no-untyped-def]
                 put(wide, p, memory_offset, next_memory)
 
             # stage 1: every law at the predicted state
-            load_state(wide, p, predicted, state_rows, position_row, follows, there)
+            load_state(
+                wide, p, predicted, state_rows, position_row, speed_row, follows, there, h
+            )
             if n_memory > 0:
                 evaluate_rates(wide, p, base, rate_calls, memory_rate)
                 correct_own(
@@ -351,8 +354,16 @@ def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
-def load_state(wide, p, x, state_rows, position_row, follows, position):  # type: ignore[no-untyped-def]
-    """Write a core state to the argument rows, with the measured position in its place."""
+def load_state(  # type: ignore[no-untyped-def]
+    wide, p, x, state_rows, position_row, speed_row, follows, position, h
+):
+    """Write a core state to the argument rows, with the measured position in its place.
+
+    Beside it goes the angle that the shaft turns in a step of length `h` (W,).
+    """
+    if speed_row >= 0:
+        for k in range(wide):
+            p[TURN + k] = h[k] * x[speed_row, k]
     for j in range(x.shape[0]):
         row = state_rows[j] * LANES
         if follows and j == position_row:

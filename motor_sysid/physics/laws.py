@@ -80,3 +80,18 @@ def clip(x: float, lower: float, upper: float) -> float:
 def smooth_step(x: float, width: float) -> float:
     """From 0 to 1 between ``-width`` and ``width``."""
     return 0.5 + 0.5 * smooth_sign(x, width)
+
+
+@law_function
+def step_share(turn: float) -> float:
+    """Weight of a wave over the rotor angle of which one step covers `turn` rad.
+
+    The mean force of such a wave over a step is ``sin(x) / x`` times that in its middle, with x
+    half of `turn`; the mean of both ends, which a step takes, is ``cos(x)`` times that.  The
+    weight makes up for the difference where the wave is resolved, and fades where a step covers
+    half a wave or more: there the ends say nothing, and the true force averages out.
+    """
+    z = 0.25 * turn * turn
+    fades = z * (1.0 / 2.56)
+    fades = fades * fades
+    return (1.0 + z / 3.0) / (1.0 + fades * fades)

@@ -86,7 +86,7 @@ class LawColumns:
         for one in map(effect, model.effects):
             if set(targets) & set(one.laws) and (memory or not one.card.states):
                 self._add(model, one, targets, compile_effect(one, tuple(motor)))
-                self.needs |= one.needs() - {*model.parameters.values(), 't'}
+                self.needs |= one.needs() - {*model.parameters.values(), 't', 'turn'}
         buffer = np.concatenate(self._rows)
         calls = np.array(self._calls, dtype=np.int64).reshape(-1, 5)
         reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]

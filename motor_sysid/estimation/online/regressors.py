@@ -25,7 +25,7 @@ _SLOW = 1e-2
 
 def signal_names(kind: Motor) -> tuple[str, ...]:
     """Return the names of the signals of a motor kind in the order of their vector."""
-    return (*kind.states, *kind.arguments, 't', *(RAW + state for state in kind.states))
+    return (*kind.states, *kind.arguments, 't', 'turn', *(RAW + state for state in kind.states))
 
 
 class Regressors:
@@ -181,7 +181,7 @@ def _set_ends(  # type: ignore[no-untyped-def]
 def _bend(  # type: ignore[no-untyped-def]
     ends, tracked, u, time, h, before, after, column, rates, pull, motion, angle
 ):
-    """Give both ends (2, S) time, input and motion, and measured states the line of their mean.
+    """Give both ends (2, S) time, input, motion and turn, and states the line of their mean.
 
     What the other states pull a state along in the sample is straight, the rest is exponential.
     `before` and `after` (n,) are the states at the ends as a filter knows them, `rates` (n,) and
@@ -209,6 +209,9 @@ def _bend(  # type: ignore[no-untyped-def]
     tracked[:] = ends
     for s in range(n):
         tracked[0, s], tracked[1, s] = before[s], after[s]
+    for end in range(2):
+        ends[end, n + u.size + 1] = h * ends[end, motion[0]]
+        tracked[end, n + u.size + 1] = h * tracked[end, motion[0]]
 
 
 @njit(cache=True, error_model='numpy')

@@ -1,7 +1,7 @@
 """Cogging: magnets that prefer the slots, several waves per turn."""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
-from motor_sysid.physics.laws import cos, sin
+from motor_sysid.physics.laws import cos, sin, step_share
 
 CARD = Card(
     title='cogging torque',
@@ -25,8 +25,11 @@ CARD = Card(
 )
 
 
-def torque(theta: float, a_1: float, b_1: float, a_2: float, b_2: float, n: float) -> float:
+def torque(
+    theta: float, turn: float, a_1: float, b_1: float, a_2: float, b_2: float, n: float
+) -> float:
     """Torque in N m."""
     angle = n * theta
     c, s = cos(angle), sin(angle)
-    return a_1 * c + b_1 * s + a_2 * (1.0 - 2.0 * s * s) + b_2 * 2.0 * s * c
+    second = a_2 * (1.0 - 2.0 * s * s) + b_2 * 2.0 * s * c
+    return (a_1 * c + b_1 * s) * step_share(n * turn) + second * step_share(2.0 * n * turn)

@@ -4,7 +4,7 @@ By power balance the back-EMF constant has the same ripple.  Unlike cogging it n
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
-from motor_sysid.physics.laws import cos, sin
+from motor_sysid.physics.laws import cos, sin, step_share
 
 CARD = Card(
     title='torque ripple',
@@ -28,13 +28,17 @@ CARD = Card(
 )  # fmt: skip
 
 
-def torque(i: float, theta: float, k_t: float, a: float, b: float, n: float) -> float:
+def torque(
+    i: float, theta: float, turn: float, k_t: float, a: float, b: float, n: float
+) -> float:
     """Torque in N m."""
-    return k_t * i * (a * cos(n * theta) + b * sin(n * theta))
+    return k_t * i * (a * cos(n * theta) + b * sin(n * theta)) * step_share(n * turn)
 
 
 def voltage(
-    omega: float, theta: float, k_t: float, emf_ratio: float, a: float, b: float, n: float
-) -> float:
+    omega: float, theta: float, turn: float, k_t: float, emf_ratio: float,
+    a: float, b: float, n: float,
+) -> float:  # fmt: skip
     """Voltage in V."""
-    return -emf_ratio * k_t * omega * (a * cos(n * theta) + b * sin(n * theta))
+    wave = (a * cos(n * theta) + b * sin(n * theta)) * step_share(n * turn)
+    return -emf_ratio * k_t * omega * wave

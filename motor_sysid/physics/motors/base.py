@@ -138,7 +138,8 @@ class Motor:
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""
         rates = {f'd{force.own_state}' for force in self.forces}
-        return {*self.states, *self.arguments, *(p.name for p in self.parameters), 't', *rates}
+        own = {*self.states, *self.arguments, *(p.name for p in self.parameters)}
+        return own | rates | {'t', 'turn'}
 
 
 def stack(rows: Sequence[Sequence[Array]]) -> Array:
