@@ -12,12 +12,19 @@ from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.next_experiment import next_experiment
-from motor_sysid.diagnosis.refit import best_per_effect, Trial, try_effect, try_pair
+from motor_sysid.diagnosis.refit import (
+    best_per_effect,
+    settled_pair,
+    Trial,
+    try_effect,
+    try_pair,
+)
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.rounds import refitted, scored, unseen, WORKERS
 from motor_sysid.diagnosis.rung import (
+    certainty,
     climb,
     gain_in_bic,
     polish,
@@ -44,6 +51,13 @@ ONLY_NOISE = 1.02
 
 ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""
+
+BEYOND_DOUBT = 100.0
+"""Squared number of standard errors, in units of the evidence asked for, from which on an effect is
+kept without a fit that lacks it."""
+
+PROMISING = 0.97
+"""Share of the best rough gain of a pair that another pair must reach to be fitted in full."""
 
 MIN_SAMPLES = 200
 
@@ -143,6 +157,7 @@ class _Engine:
     ) -> None:
         self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
         self.nominal = nominal
+        self.gains: dict[str, float] = {}
         self.seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
         self.train_records = [
             r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
@@ -168,6 +183,7 @@ class _Engine:
                 continue
             winner = winner_of(passing)
             rivals[winner.key] = rivals_of(winner, passing)
+            self.gains[winner.key] = winner.delta_bic
             self.tell(
                 f'adding {winner.scored.variant.effect.card.title}: held-out error '
                 f'{rung.validation.error_percent:.3g} -> '
@@ -212,12 +228,14 @@ class _Engine:
         cost, rows = profile_cost(
             rung, self.bench, self.seen[frozenset(rung.model.effects)][1].weighting
         )
-        if cost < ONLY_NOISE * rows:
+        left = cost - ONLY_NOISE * rows
+        doubtful = [key for key in own if left > RIVAL_SHARE * self.gains.get(key, 0.0)]
+        if left < 0 or not doubtful:
             return None
         first = self.seen[frozenset(start)][1].pairs
         if first and {one.variant.effect.key for one in first[0]} == set(own):
             return None
-        for key in own:
+        for key in doubtful:
             slim, scores = self.without(rung, key)
             mine = gain_in_bic(slim, rung, self.bench, scores.weighting)
             if len(own) > 1:
@@ -241,10 +259,18 @@ class _Engine:
         """
         worth = [pair for pair in scores.pairs if pair[0].gain > ALTERNATIVE * gain]
         with ThreadPoolExecutor(WORKERS) as pool:
-            fits = pool.map(
+            rough = pool.map(
                 lambda pair: try_pair(pair, slim, self.bench, scores.weighting), worth
             )
-            tried = [(*fitted, pair) for fitted, pair in zip(fits, worth, strict=True)]
+            tried = [(*fitted, pair) for fitted, pair in zip(rough, worth, strict=True)]
+            near = max(PROMISING * max((one[1] for one in tried), default=0.0), gain)
+            fits = pool.map(
+                lambda one: (
+                    *settled_pair(one[0], slim, self.bench, scores.weighting), one[2]
+                ),
+                [one for one in tried if one[1] > near],
+            )
+            tried = list(fits)
         tried.sort(key=lambda one: -one[1])
         if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
             return None
@@ -274,6 +300,8 @@ class _Engine:
     def prune(self, rung: Rung) -> Rung:
         """Drop effects that later ones have made superfluous."""
         for key in rung.model.effects[:-1]:
+            if certainty(rung.model, key) > BEYOND_DOUBT * self.bench.threshold:
+                continue
             slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
             weighting = rung.result.weighting
             full, rows = profile_cost(rung, self.bench, weighting)

@@ -41,8 +41,9 @@ several starts is chosen."""
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
-MANY = 4
-"""Variants above which an effect is refitted from several of them."""
+MANY, WORTH = 4, 0.5
+"""Variants above which an effect is refitted from several of them: those that promise at least
+this share of what the best one does."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +98,8 @@ def try_roughly(
     starts: Sequence[Scored], rung: Rung, bench: Bench, weighting: Weighting
 ) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all."""
-    possible = [one for one in starts if not _impossible(one)]
+    most = max(one.gain for one in starts)
+    possible = [one for one in starts if one.gain >= WORTH * most and not _impossible(one)]
     if not possible:
         one = starts[0]
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
@@ -147,7 +149,7 @@ def _lasts(one: Effect) -> bool:
 def try_pair(
     pair: tuple[Scored, Scored], rung: Rung, bench: Bench, weighting: Weighting
 ) -> tuple[Rung, float]:
-    """Refit two effects together; return the fit and its gain in BIC."""
+    """Fit two effects together to some of the data; return the fit and its gain in BIC on all."""
     first, second = pair
     other = second.variant
     tried = first.variant.model.with_effect(other.effect.key, other.values, bench.scales)
@@ -156,6 +158,13 @@ def try_pair(
     new = _standing(_rough_fit(model, rung.result.weighting, bench, ROUGH_STEPS), bench)
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return new, -np.inf
+    return new, gain_in_bic(rung, new, bench, weighting)
+
+
+def settled_pair(
+    new: Rung, rung: Rung, bench: Bench, weighting: Weighting
+) -> tuple[Rung, float]:
+    """Fit a pair to all of the data; return the fit and its gain in BIC."""
     new = climb(new.model, bench, new.result.weighting, briefly=True, near=new.near)
     return new, gain_in_bic(rung, new, bench, weighting)
 

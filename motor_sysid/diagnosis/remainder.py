@@ -23,7 +23,7 @@ _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
 _TAPS, _TAP_WIDTH = 120, 4
 _RIDGE, _STRONG_RIDGE = 1e-4, 0.1
 _FOLDS = 12
-_ROWS = 24_000
+_ROWS = 12_000
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from motor_sysid.diagnosis.rung import Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
+from motor_sysid.diagnosis.verdict import related, winner_of
 from motor_sysid.physics.effect import Effect
 
 Tell = Callable[[str], None]
@@ -20,7 +21,7 @@ WORKERS = 2
 
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
-this much behind it: it is neither the winner nor a rival."""
+this much behind it, or if it is a wider or a narrower form of the winner: it is no rival."""
 
 
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:
@@ -67,11 +68,15 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
         return trial if trial.rung is rung else replace(trial, rung=replace(trial.rung, near=()))
 
     def contends(trial: Trial) -> bool:
-        return trial.delta_bic >= min(SHARE * most, most - BEHIND)
+        if trial is winner or trial.delta_bic < min(SHARE * most, most - BEHIND):
+            return trial is winner
+        return winner is None or not related(trial, winner)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         trials = list(pool.map(roughly, chosen))
         most = max((trial.delta_bic for trial in trials), default=0.0)
+        passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
+        winner = winner_of(passing) if passing else None
         tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))

@@ -30,8 +30,11 @@ BRIEF, FULL = 1e-5, 1e-7
 """Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
 """
 
-FINE = 4
+FINER = (2, 4)
 """Integration steps per sample where one is not enough."""
+
+ROUNDING = 0.1
+"""Error of the integration, as a share of what is left, that is not worth finer steps."""
 
 
 @dataclass(frozen=True)
@@ -127,16 +130,23 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
 
     Integration error would count as missing physics; it may be a tenth of the remaining error.
     """
-    if bench.substeps >= FINE or not rung.model.effects:
+    if bench.substeps >= FINER[-1] or not rung.model.effects:
         return rung, bench
-    fine = replace(bench, substeps=FINE)
-    coarse = np.concatenate(rung.training.residuals)
-    finer = np.concatenate(
-        compare(rung.model, bench.train_free, bench.outputs, substeps=FINE).residuals
-    )
-    change = np.sqrt(np.mean((finer - coarse) ** 2, axis=0))
-    if np.all(change < 0.1 * np.sqrt(np.mean(coarse**2, axis=0))):
+    runs = {
+        steps: np.concatenate(
+            compare(rung.model, bench.train_free, bench.outputs, substeps=steps).residuals
+        )
+        for steps in FINER
+        if steps > bench.substeps
+    }
+    left = np.concatenate(rung.training.residuals)
+    size, finest = np.sqrt(np.mean(left**2, axis=0)), runs[FINER[-1]]
+    for steps, run in ((bench.substeps, left), *runs.items()):
+        if np.all(np.sqrt(np.mean((finest - run) ** 2, axis=0)) < ROUNDING * size):
+            break
+    if steps == bench.substeps:
         return rung, bench
+    fine = replace(bench, substeps=steps)
     return climb(rung.model, fine, rung.result.weighting), fine
 
 
@@ -170,3 +180,9 @@ def vanished(model: Model, key: str) -> bool:
     """Whether a fit has taken an effect of one sign to nothing."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes if a.positive]
     return bool(own) and all(p.value <= 1e-9 * p.upper for p in own)
+
+
+def certainty(model: Model, key: str) -> float:
+    """Return the largest squared ratio of an effect's amplitude to its standard error."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+    return max(((p.value / p.sigma) ** 2 for p in own if p.sigma and not p.on_bound), default=0.0)

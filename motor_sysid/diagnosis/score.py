@@ -24,6 +24,9 @@ Array = NDArray[np.float64]
 
 PASSES = 3
 AR_ORDER = 12
+NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
+"""Rows of long records that the noise model is fitted to, and the windows that they are in."""
+
 EACH, PAIRS = 3, 3
 """Variants of each effect that are paired with others; pairs that are told."""
 
@@ -115,8 +118,9 @@ def score(
     ]
     starts = [one.start for one in near]
     weighting = white([one.residual for one in near])
+    some, some_starts = _windows(raw), _windows(starts)
     for _ in range(PASSES):
-        weighting = _whitened(raw, starts, weighting)
+        weighting = _whitened(some, some_starts, weighting)
     first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)
     base = _Base.of(whole, np.arange(1, first))
@@ -133,6 +137,20 @@ def score(
     found = best_pairs(scored, parts, left)
     scored.sort(key=lambda s: -s.delta_bic)
     return Scores(scored, found, weighting)
+
+
+def _windows(parts: Sequence[Array]) -> list[Array]:
+    """Return windows, evenly spread, of about `NOISE_ROWS` rows of all stretches (N, ...)."""
+    total = sum(len(part) for part in parts)
+    if total <= 2 * NOISE_ROWS:
+        return list(parts)
+    found = []
+    for part in parts:
+        count = max(round(NOISE_WINDOWS * len(part) / total), 1)
+        edges = np.linspace(0, len(part), count + 1).astype(int)
+        width = int(len(part) / count * NOISE_ROWS / total)
+        found += [part[a : a + width] for a in edges[:-1]]
+    return found
 
 
 def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weighting) -> Weighting:

@@ -57,11 +57,14 @@ def rivals_of(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
     return tuple(
         t.key
         for t in passing
-        if t.key != key
-        and t.delta_bic > winner.delta_bic - margin
-        and key not in t.scored.variant.effect.card.generalises
-        and t.key not in winner.scored.variant.effect.card.generalises
+        if t.key != key and t.delta_bic > winner.delta_bic - margin and not related(t, winner)
     )
+
+
+def related(one: Trial, other: Trial) -> bool:
+    """Whether one of two trials is of a special case of the other's effect."""
+    first, second = one.scored.variant.effect, other.scored.variant.effect
+    return first.key in second.card.generalises or second.key in first.card.generalises
 
 
 def verdict_of(
