@@ -53,8 +53,8 @@ ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""
 
 BEYOND_DOUBT = 100.0
-"""Squared number of standard errors, in units of the evidence asked for, from which on an effect is
-kept without a fit that lacks it."""
+"""Squared number of standard errors, in units of the evidence asked for, from which on an effect
+is kept without a fit that lacks it."""
 
 PROMISING = 0.97
 """Share of the best rough gain of a pair that another pair must reach to be fitted in full."""

@@ -141,9 +141,11 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     }
     left = np.concatenate(rung.training.residuals)
     size, finest = np.sqrt(np.mean(left**2, axis=0)), runs[FINER[-1]]
-    for steps, run in ((bench.substeps, left), *runs.items()):
-        if np.all(np.sqrt(np.mean((finest - run) ** 2, axis=0)) < ROUNDING * size):
-            break
+    steps = next(
+        steps
+        for steps, run in ((bench.substeps, left), *runs.items())
+        if np.all(np.sqrt(np.mean((finest - run) ** 2, axis=0)) <= ROUNDING * size)
+    )
     if steps == bench.substeps:
         return rung, bench
     fine = replace(bench, substeps=steps)
