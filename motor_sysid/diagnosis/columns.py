@@ -111,7 +111,7 @@ def _in_model(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     if not touches[0].variant.inherits:
         still = still[:1]  # whatever its shape, an effect that is off does nothing
     table = {name: np.array([v[name] for v in (*lanes, *still)]) for name in program.names}
-    both = _run(program, problem, table)
+    both = judged_runs(program, problem, table)
     count = len(touches)
     return [
         [_finite((run[:, :, k] - run[:, :, min(count + k, run.shape[2] - 1)]) / touch.size)
@@ -132,7 +132,7 @@ def _switched_off(variant: Variant) -> dict[str, float]:
     return values
 
 
-def _run(
+def judged_runs(
     program: Program,
     problem: Problem,
     table: Mapping[str, Array],
@@ -156,7 +156,7 @@ def _run(
 
 def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     """Push the model by the touched laws along its own trajectory."""
-    paths = _paths(problem)
+    paths = paths_of(problem)
     forces = [force.name for force in problem.model.kind.forces]
     acting = [k for k, t in enumerate(touches) if set(t.variant.effect.laws) & set(forces)]
     pushes = {
@@ -171,7 +171,7 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
                     pushes[number][:, 1, j, lane + 1] = _law(touches[k], name, ended)
     values = problem.model.parameters.values()
     table = {name: np.full(len(acting) + 1, values[name]) for name in problem.program.names}
-    runs = _run(problem.program, problem, table, pushes)
+    runs = judged_runs(problem.program, problem, table, pushes)
     scored = _scored_paths(problem, paths)
     found = []
     for k, touch in enumerate(touches):
@@ -188,7 +188,7 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     return found
 
 
-def _paths(problem: Problem) -> list[tuple[Path, Path]]:
+def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
     """Return for each stretch what laws see at the start and at the end of each sample."""
     model, kind = problem.model, problem.model.kind
     signals = tuple(output.signal for output in kind.outputs)

@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.next_experiment import next_experiment
+from motor_sysid.diagnosis.orders import likely_orders
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     settled_pair,
@@ -20,7 +21,6 @@ from motor_sysid.diagnosis.refit import (
     try_pair,
 )
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
-from motor_sysid.diagnosis.residual import likely_orders
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.rounds import refitted, scored, unseen, WORKERS
 from motor_sysid.diagnosis.rung import (
@@ -36,9 +36,17 @@ from motor_sysid.diagnosis.rung import (
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.threshold import Threshold
-from motor_sysid.diagnosis.verdict import RIVAL_BIC, RIVAL_SHARE, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import (
+    doubts,
+    RIVAL_BIC,
+    RIVAL_SHARE,
+    rivals_of,
+    verdict_of,
+    winner_of,
+)
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -58,6 +66,10 @@ is kept without a fit that lacks it."""
 
 PROMISING = 0.97
 """Share of the best rough gain of a pair that another pair must reach to be fitted in full."""
+
+WAVE, STANDS_OUT = 'cogging_torque', 4.0
+"""The effect by which waves over the rotor angle are looked for in what is left, and how much more
+than its neighbours a number of waves must explain."""
 
 MIN_SAMPLES = 200
 
@@ -158,6 +170,7 @@ class _Engine:
         self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
         self.nominal = nominal
         self.gains: dict[str, float] = {}
+        self.notes: list[str] = []
         self.seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
         self.train_records = [
             r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
@@ -192,7 +205,17 @@ class _Engine:
             best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
             best = winner.rung if vanished(best.model, winner.key) else best
             rung, self.bench = refined(self.prune(best), self.bench)
-        return self.conclude(ladder, rivals)
+        last, trials = ladder[-1]
+        own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
+        doubted = doubts(trials, own)
+        if len(last.model.effects) > len(start) + 1 and last.model.effects[-1] in doubted:
+            ladder.pop()
+            doubted = []
+            self.notes.append(
+                f'{effect(last.model.effects[-1]).card.title} would explain a part of what '
+                'remains, but not enough to be named: something else is missing, too'
+            )
+        return self.conclude(ladder, rivals, doubted=len(doubted) == len(own) > 0)
 
     def round(self, rung: Rung) -> list[Trial]:
         """Score every candidate, refit the best, and return them with their evidence."""
@@ -313,7 +336,11 @@ class _Engine:
         return rung
 
     def conclude(
-        self, ladder: list[tuple[Rung, list[Trial]]], rivals: dict[str, tuple[str, ...]]
+        self,
+        ladder: list[tuple[Rung, list[Trial]]],
+        rivals: dict[str, tuple[str, ...]],
+        *,
+        doubted: bool = False,
     ) -> Diagnosis:
         """Give the verdict on a finished ladder."""
         if len(ladder) > 1:
@@ -325,7 +352,7 @@ class _Engine:
             for key, names in rivals.items()
             if key in final.model.effects
         }
-        verdict = verdict_of(ladder, left, rivals)
+        verdict = verdict_of(ladder, left, rivals, doubted)
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         steps = tuple(self.step(rung, trials, rivals) for rung, trials in ladder)
         shown = steps if named else steps[:1]
@@ -338,7 +365,7 @@ class _Engine:
             reasons=(),
             records=self.bench.records,
             roles=self.bench.roles,
-            warnings=(*final.result.unidentifiable, *final.result.warnings),
+            warnings=(*final.result.unidentifiable, *final.result.warnings, *self.notes),
         )
         found = explained(found, steps, left, rivals, self.nominal)
         wanted = next_experiment(verdict, ladder, rivals, self.train_records)
@@ -347,6 +374,7 @@ class _Engine:
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""
         late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
+        some = Problem(rung.model, self.bench.rough, self.bench.outputs)
         return examine_remainder(
             self.bench.outputs,
             compare(
@@ -356,7 +384,7 @@ class _Engine:
             rung.held,
             (self.bench.train, self.bench.held),
             [late and name == 'speed' for name in self.bench.outputs],
-            likely_orders(rung.model, self.train_records),
+            likely_orders(some, effect(WAVE), contrast=STANDS_OUT),
         )
 
     def step(

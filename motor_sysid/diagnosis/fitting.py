@@ -11,7 +11,7 @@ from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import make_chain, observed_outputs
+from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -102,7 +102,8 @@ def _prepared(
 def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
     train = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
     one = effect(key)
-    proposed = proposals(rung.model, train, [one], bench.scales)
+    some = Problem(rung.model, bench.rough, bench.outputs)
+    proposed = proposals(some, train, [one], bench.scales)
     found = list(variants(rung.model, bench.scales, [one], proposed))
     if not found:
         raise UserError(

@@ -1,8 +1,9 @@
 """Values that the data propose for shapes that no list of starts could cover.
 
-Waves per turn, moments and frequencies are looked for in the unexplained force, where each is one
-pass over the data: a spectrum over angle or time, or the gain of a law that sets in at any moment.
-What stands out is then tried in simulation like any other start.
+Moments and frequencies are looked for in the unexplained force, where each is one pass over the
+data: a spectrum over time, or the gain of a law that sets in at any moment.  Waves per turn are
+looked for by simulation (`motor_sysid.diagnosis.orders`).  What stands out is then tried in
+simulation like any other start.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,13 +13,14 @@ import inspect
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.orders import likely_orders
 from motor_sysid.diagnosis.residual import (
-    likely_orders,
     measured_states,
     rates_of,
     surroundings,
     unexplained,
 )
+from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
@@ -54,14 +56,14 @@ class _Lack:
 
 
 def proposals(
-    model: Model, records: Sequence[Record], effects: Sequence[Effect], scales: Scales
+    problem: Problem, records: Sequence[Record], effects: Sequence[Effect], scales: Scales
 ) -> dict[str, tuple[float, ...]]:
     """Return key to values of the searched shape, of every effect that has one.
 
     Parameters
     ----------
-    model:
-        The fitted model.
+    problem:
+        The fitted model and some of the data, for what is looked for by simulation.
     records:
         Training records.
     effects:
@@ -69,6 +71,7 @@ def proposals(
     scales:
         Typical sizes.
     """
+    model = problem.model
     found: dict[str, tuple[float, ...]] = {}
     lacks: dict[str, list[_Lack]] = {}
     for one in effects:
@@ -76,8 +79,7 @@ def proposals(
         if one.key in model.effects or not model.admits(one):
             continue
         if card.orders:
-            orders = likely_orders(model, records, carrier=card.carrier)
-            found[one.key] = tuple(float(n) for n in orders)
+            found[one.key] = tuple(float(n) for n in likely_orders(problem, one))
         if not card.moment and not card.frequency:
             continue
         force = next(f.name for f in model.kind.forces if f.name in one.laws)

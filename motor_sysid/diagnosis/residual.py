@@ -6,7 +6,7 @@ neither side is delayed against the other.  Used to show and to look for shapes;
 simulation, which needs no derivative.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 import inspect
 
 import numpy as np
@@ -23,11 +23,6 @@ Array = NDArray[np.float64]
 
 WINDOW = 11
 _DEGREE = 3
-_TOP_ORDER = 400
-_ANGLE_BINS = 8192
-_BESIDE = 12
-_STEPS = (1.0, 0.3, 0.1, 0.03, 0.01)
-_FASTEST, _FEWEST = 3.0, 200
 
 
 def measured_states(model: Model, record: Record) -> dict[str, Array]:
@@ -175,46 +170,6 @@ def _memory(
             own[s] += now * step
             path[s][k + 1] = own[s]
     return {s: np.nan_to_num(values, posinf=0.0, neginf=0.0) for s, values in path.items()}
-
-
-def likely_orders(
-    model: Model, records: Sequence[Record], count: int = 5, *, carrier: str = ''
-) -> list[int]:
-    """Return the waves per turn that stand out of the unexplained torque, strongest first.
-
-    The spectrum over rotor angle up to 400 waves per turn is divided by its own background (the
-    median over neighbouring orders); order 1 belongs to gravity.  Waves that pass in less than a
-    few samples are lost in what is between the samples, so that each order is also looked for in
-    the slower parts of the records alone.  With a `carrier` the torque is first multiplied by that
-    state, by which the waves would be modulated.
-    """
-    spectra = np.zeros((len(_STEPS), _TOP_ORDER + 1))
-    for record in records:
-        even = record.uniform()
-        lacking = unexplained(model, even).get('torque')
-        states = measured_states(model, even) if lacking is not None else {}
-        angle = states.get('theta')
-        if lacking is None or angle is None or np.ptp(angle) < 2 * np.pi:
-            continue
-        if carrier:
-            lacking = lacking * states.get(carrier, np.zeros(lacking.size))
-        place = np.floor(np.mod(angle, 2 * np.pi) * (_ANGLE_BINS / (2 * np.pi)))
-        place = place.astype(np.int64) % _ANGLE_BINS
-        moved = np.abs(measured_speed(even)) * even.dt
-        for spectrum, step in zip(spectra, _STEPS, strict=True):
-            usable = moved < step
-            if np.sum(usable) > _FEWEST:
-                centred = lacking[usable] - np.mean(lacking[usable])
-                turn = np.bincount(place[usable], weights=centred, minlength=_ANGLE_BINS)
-                spectrum += np.abs(np.fft.rfft(turn)[: _TOP_ORDER + 1]) ** 2
-    backgrounds = np.stack([surroundings(spectrum, _BESIDE) for spectrum in spectra])
-    heights = spectra / (backgrounds + 1e-300)
-    heights *= np.arange(_TOP_ORDER + 1) * np.array(_STEPS)[:, np.newaxis] < _FASTEST
-    heights[0] = spectra[0] / (backgrounds[0] + 1e-300)
-    height = np.max(heights, axis=0)
-    height[: 1 if carrier else 2] = 0.0
-    peaks = [n for n in np.argsort(-height)[: 3 * count].tolist() if height[n] > 8.0]
-    return peaks[:count]
 
 
 def surroundings(spectrum: Array, reach: int) -> Array:

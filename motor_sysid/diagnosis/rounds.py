@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import related, winner_of
+from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Effect
 
 Tell = Callable[[str], None]
@@ -28,7 +29,8 @@ def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -
     """Score every candidate that can be added to a fitted model."""
     problem = bench.problem(rung.model)
     train = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
-    proposed = proposals(rung.model, train, candidates, bench.scales)
+    some = Problem(rung.model, bench.rough, bench.outputs)
+    proposed = proposals(some, train, candidates, bench.scales)
     tried = list(variants(rung.model, bench.scales, candidates, proposed))
     tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
     return score(problem, problem.vector(), tried, slopes(rung, bench))

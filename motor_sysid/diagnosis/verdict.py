@@ -2,10 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
+from motor_sysid.diagnosis.gate import UNPHYSICAL
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import Remainder
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
+from motor_sysid.physics.effects import effect
 
 RIVAL_BIC = 10.0
 RIVAL_SHARE = 0.02
@@ -21,6 +23,10 @@ STRUCTURE = 0.25
 
 ABOVE_FLOOR = 1.3
 """Remaining error over sensor noise below which nothing more is looked for."""
+
+LEFT_OVER = 0.2
+"""Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
+is there leaves little to others, and a wrong neighbour of it leaves much."""
 
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together; inductance alone often is."""
@@ -67,12 +73,39 @@ def related(one: Trial, other: Trial) -> bool:
     return first.key in second.card.generalises or second.key in first.card.generalises
 
 
+def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
+    """Return the effects on top of which others would explain too much.
+
+    Parameters
+    ----------
+    trials:
+        What was tried on the last model.
+    gains:
+        Gain in BIC of each of the model's effects when it was added.
+    """
+    possible = [t for t in trials if t.note != UNPHYSICAL]
+    return [
+        key
+        for key, gain in gains.items()
+        if any(
+            t.delta_bic > LEFT_OVER * gain
+            and t.key not in effect(key).card.generalises
+            and key not in t.scored.variant.effect.card.generalises
+            for t in possible
+        )
+    ]
+
+
 def verdict_of(
     ladder: Sequence[tuple[Rung, list[Trial]]],
     left: Remainder,
     rivals: Mapping[str, tuple[str, ...]],
+    doubted: bool = False,
 ) -> Verdict:
-    """Return what a ladder of fits, with what was tried on each, comes to."""
+    """Return what a ladder of fits, with what was tried on each, comes to.
+
+    If the only effect is `doubted`, something is missing, but not that.
+    """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
     if len(base.result.unidentifiable) >= TOO_VAGUE and not structured:
@@ -82,6 +115,6 @@ def verdict_of(
     before, after = base.held.error_percent, final.held.error_percent
     floor = left.floor_percent
     explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    if structured and explained < 0.75:
+    if (structured and explained < 0.75) or doubted:
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING

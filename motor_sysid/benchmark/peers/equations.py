@@ -15,8 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from motor_sysid.diagnosis.residual import known_forces, likely_orders, measured_states
+from motor_sysid.diagnosis.orders import likely_orders
+from motor_sysid.diagnosis.residual import known_forces, measured_states
+from motor_sysid.diagnosis.setup import base_fit, make_bench
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Card
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -133,13 +136,24 @@ def _terms(
     states: Sequence[Mapping[str, Array]],
 ) -> Iterator[Term]:
     scales = scales_of('brushed_dc', model.parameters.values(), records)
-    orders = likely_orders(model, records)
+    orders = _orders(records, effects)
     for key in effects:
         card = effect(key).card
-        for shapes in _shapes(card, scales, orders):
+        for shapes in _shapes(card, scales, orders.get(key, ())):
             columns = _columns(model, key, shapes, scales, states, records)
             if columns:
                 yield Term(key, columns)
+
+
+def _orders(records: Sequence[Record], effects: Sequence[str]) -> dict[str, tuple[int, ...]]:
+    """Return for each effect with waves per turn those that the diagnosis would try, too."""
+    waving = [key for key in effects if effect(key).card.orders]
+    if not waving:
+        return {}
+    bench = make_bench(records, (), motor('brushed_dc'))
+    model = base_fit(records, bench.kind, bench.train, bench.outputs, {}).model
+    problem = Problem(model, bench.rough, bench.outputs)
+    return {key: likely_orders(problem, effect(key)) for key in waving}
 
 
 def _shapes(card: Card, scales: Scales, orders: Sequence[int]) -> Iterator[dict[str, float]]:
