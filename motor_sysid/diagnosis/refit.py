@@ -41,9 +41,9 @@ several starts is chosen."""
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
-MANY, WORTH = 4, 0.5
-"""Variants above which an effect is refitted from several of them: those that promise at least
-this share of what the best one does."""
+MANY, STARTS, WORTH = 4, 3, 0.5
+"""Variants above which an effect is refitted from several of them, how many at most, and what
+share of the best one's promise they must make."""
 
 
 @dataclass(frozen=True)
@@ -103,14 +103,16 @@ def try_roughly(
     if not possible:
         one = starts[0]
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
-    models = [_opened(one.variant.model, rung.model, one) for one in possible]
-    weightings, best = [rung.result.weighting] * len(models), 0
-    if len(models) > 1:
-        fits = [_rough_fit(model, rung.result.weighting, bench, FIRST_STEPS) for model in models]
-        models, weightings = [f.model for f in fits], [f.weighting for f in fits]
-        best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
-    rough = _rough_fit(models[best], weightings[best], bench, ROUGH_STEPS)
-    return _judged(possible[best], _standing(rough, bench), rung, bench, weighting)
+    tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
+    if not possible[0].variant.model.parameters.free:
+        anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}
+        tried += [(one, model.with_values(anew)) for one, model in tried[:1]]
+    others = [s for s in bench.sensors if s is not rung.model.speed_sensor]
+    tried += [(one, replace(model, speed_sensor=s)) for one, model in tried for s in others]
+    fits = [_rough_fit(model, rung.result.weighting, bench, FIRST_STEPS) for _, model in tried]
+    best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
+    rough = _rough_fit(fits[best].model, fits[best].weighting, bench, ROUGH_STEPS)
+    return _judged(tried[best][0], _standing(rough, bench), rung, bench, weighting)
 
 
 def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
@@ -240,4 +242,10 @@ def best_per_effect(scores: Sequence[Scored], limit: int) -> list[list[Scored]]:
     chosen = list(best)[:limit]
     special = [s for key in chosen for s in effect(key).card.generalises]
     chosen += [key for key in dict.fromkeys(special) if key in best and key not in chosen]
-    return [best[key][: 3 if len(best[key]) > MANY else 1] for key in chosen]
+    return [best[key][: STARTS if _has_valleys(best[key]) else 1] for key in chosen]
+
+
+def _has_valleys(variants: Sequence[Scored]) -> bool:
+    """Whether a fit may end in a valley beside the deepest one: many shapes, or finite trials."""
+    one = variants[0].variant
+    return len(variants) > MANY or not one.model.parameters.free

@@ -1,7 +1,7 @@
 """From records to a base model: which motor kind, which outputs, which sensors, how far ahead."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -59,6 +59,11 @@ class Bench:
         `train_free` then `held_free`.
     scales:
         Typical sizes.
+    sensors:
+        How the speed may be measured: more than one where the records do not tell.
+    begun:
+        First guess of the base parameters, from which a fit of a delay or a lag begins as well:
+        the inductance and the inertia that make up for it hardly find back.
     horizon:
         How far ahead `train` and `held` look, s; None for free runs.
     substeps:
@@ -78,6 +83,8 @@ class Bench:
     scales: Scales
     horizon: float | None
     rough: tuple[Chain, ...] = ()
+    sensors: tuple[SpeedSensor, ...] = ()
+    begun: Mapping[str, float] = field(default_factory=dict)
     substeps: int = 1
     threshold: float = UNCALIBRATED
 
@@ -187,6 +194,8 @@ def make_bench(
         scales,
         horizon,
         thinned(fitting, kind, outputs, ROUGH_ROWS),
+        sensors=_sensors(train, outputs),
+        begun=_inside(kind, kind.start(train)),
     )  # fmt: skip
 
 

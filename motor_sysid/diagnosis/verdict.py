@@ -28,6 +28,10 @@ LEFT_OVER = 0.2
 """Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
 is there leaves little to others, and a wrong neighbour of it leaves much."""
 
+EXPLAINED = 0.4
+"""Share of the squared error beyond sensor noise that what is named must explain, where more than
+noise remains."""
+
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together; inductance alone often is."""
 
@@ -115,6 +119,7 @@ def verdict_of(
     before, after = base.held.error_percent, final.held.error_percent
     floor = left.floor_percent
     explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    if (structured and explained < 0.75) or doubted:
+    partly = left.over_floor > ABOVE_FLOOR and explained < EXPLAINED
+    if (structured and explained < 0.75) or partly or doubted:
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
