@@ -7,7 +7,12 @@ from motor_sysid.benchmark.plant import Plant
 from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch import (
+    Linearization,
+    make_chain,
+    observed_outputs,
+    Problem,
+)
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.scales import scales_of
@@ -30,15 +35,16 @@ def a_record(seconds: float = 8.0, **hidden: float) -> Record:
     return measure(run(PLANT._replace(**hidden), control, DT), SENSORS, DT, rng)
 
 
-def problem(model: Model, records: list[Record]) -> Problem:
+def prepared(model: Model, records: list[Record]) -> tuple[Problem, list[Linearization]]:
     outputs = observed_outputs(model.kind, records)
-    return Problem(model, [make_chain(r, model.kind, outputs) for r in records], outputs)
+    problem = Problem(model, [make_chain(r, model.kind, outputs) for r in records], outputs)
+    return problem, problem.linearize(problem.vector())
 
 
 def proposed(key: str, records: list[Record], **values: float) -> tuple[float, ...]:
     model = Model.base('brushed_dc', {**BASE, **values}, speed_sensor=SpeedSensor.DIFFERENCE)
     scales = scales_of('brushed_dc', model.parameters.values(), records)
-    return proposals(problem(model, records), records, [catalogue()[key]], scales).get(key, ())
+    return proposals(*prepared(model, records), records, [catalogue()[key]], scales).get(key, ())
 
 
 @pytest.mark.parametrize('wrong', [{}, {'J': 3.1e-5, 'b': 5e-5}])
@@ -84,5 +90,5 @@ def test_an_axis_without_records_of_its_torque_proposes_nothing():
     model = Model.base('brushed_dc', BASE)
     scales = scales_of('brushed_dc_reduced', {'k_v': 0.05}, [record])
     one = catalogue()['load_torque_step']
-    found = proposals(problem(model, [record]), [record], [one], scales)
+    found = proposals(*prepared(model, [record]), [record], [one], scales)
     assert found['load_torque_step'] == ()

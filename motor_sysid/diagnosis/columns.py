@@ -111,7 +111,7 @@ def _in_model(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     if not touches[0].variant.inherits:
         still = still[:1]  # whatever its shape, an effect that is off does nothing
     table = {name: np.array([v[name] for v in (*lanes, *still)]) for name in program.names}
-    both = judged_runs(program, problem, table)
+    both = _run(program, problem, table)
     count = len(touches)
     return [
         [_finite((run[:, :, k] - run[:, :, min(count + k, run.shape[2] - 1)]) / touch.size)
@@ -132,7 +132,7 @@ def _switched_off(variant: Variant) -> dict[str, float]:
     return values
 
 
-def judged_runs(
+def _run(
     program: Program,
     problem: Problem,
     table: Mapping[str, Array],
@@ -171,8 +171,8 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
                     pushes[number][:, 1, j, lane + 1] = _law(touches[k], name, ended)
     values = problem.model.parameters.values()
     table = {name: np.full(len(acting) + 1, values[name]) for name in problem.program.names}
-    runs = judged_runs(problem.program, problem, table, pushes)
-    scored = _scored_paths(problem, paths)
+    runs = _run(problem.program, problem, table, pushes)
+    scored = scored_paths(problem, paths)
     found = []
     for k, touch in enumerate(touches):
         parts = []
@@ -219,7 +219,7 @@ def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
     return paths
 
 
-def _scored_paths(
+def scored_paths(
     problem: Problem, paths: Sequence[tuple[Path, Path]]
 ) -> list[tuple[Path, int]]:
     """Return the paths of scored stretches, and the first row that counts."""

@@ -11,8 +11,8 @@ from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.explain import explained
+from motor_sysid.diagnosis.matched import Matched
 from motor_sysid.diagnosis.next_experiment import next_experiment
-from motor_sysid.diagnosis.orders import likely_orders
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     settled_pair,
@@ -31,6 +31,7 @@ from motor_sysid.diagnosis.rung import (
     profile_cost,
     refined,
     Rung,
+    slopes,
     vanished,
 )
 from motor_sysid.diagnosis.score import Scores
@@ -46,7 +47,6 @@ from motor_sysid.diagnosis.verdict import (
 )
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -374,7 +374,7 @@ class _Engine:
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""
         late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
-        some = Problem(rung.model, self.bench.rough, self.bench.outputs)
+        matched = Matched(self.bench.problem(rung.model), slopes(rung, self.bench))
         return examine_remainder(
             self.bench.outputs,
             compare(
@@ -384,7 +384,7 @@ class _Engine:
             rung.held,
             (self.bench.train, self.bench.held),
             [late and name == 'speed' for name in self.bench.outputs],
-            likely_orders(some, effect(WAVE), contrast=STANDS_OUT),
+            matched.orders(effect(WAVE), contrast=STANDS_OUT),
         )
 
     def step(

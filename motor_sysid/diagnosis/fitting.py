@@ -11,7 +11,7 @@ from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
+from motor_sysid.estimation.batch import make_chain, observed_outputs
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -102,14 +102,14 @@ def _prepared(
 def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
     train = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
     one = effect(key)
-    some = Problem(rung.model, bench.rough, bench.outputs)
-    proposed = proposals(some, train, [one], bench.scales)
+    problem = bench.problem(rung.model)
+    near = problem.linearize(problem.vector())
+    proposed = proposals(problem, near, train, [one], bench.scales)
     found = list(variants(rung.model, bench.scales, [one], proposed))
     if not found:
         raise UserError(
             f'`{key}` cannot be added: the model has it already, the motor lacks what it needs, '
             'or no order, frequency or moment stands out of the data'
         )
-    problem = bench.problem(rung.model)
-    scores = score(problem, problem.vector(), found)
+    scores = score(problem, problem.vector(), found, near)
     return try_effect(best_per_effect(scores.singles, 1)[0], rung, bench, scores.weighting)

@@ -1,26 +1,26 @@
 """Values that the data propose for shapes that no list of starts could cover.
 
-Moments and frequencies are looked for in the unexplained force, where each is one pass over the
-data: a spectrum over time, or the gain of a law that sets in at any moment.  Waves per turn are
-looked for by simulation (`motor_sysid.diagnosis.orders`).  What stands out is then tried in
-simulation like any other start.
+Moments are looked for in the unexplained force, where the gain of a law that sets in at any moment
+is one pass over the data; waves per turn and frequencies by a matched filter
+(`motor_sysid.diagnosis.matched`).  What stands out is then tried in simulation like any other
+start.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 import inspect
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.orders import likely_orders
+from motor_sysid.diagnosis.matched import Matched
 from motor_sysid.diagnosis.residual import (
     measured_states,
     rates_of,
-    surroundings,
     unexplained,
 )
-from motor_sysid.estimation.batch import Problem
+from motor_sysid.estimation.batch import Linearization, Problem
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
@@ -34,10 +34,6 @@ MOMENTS, FREQUENCIES = 2, 3
 _GRID = 2000
 _APART = 0.05
 _EDGE = 0.02
-_HEIGHT = 8.0
-_CYCLES = 1.5
-_HIGHEST = 0.4
-_NEIGHBOURS = 40
 
 
 @dataclass(frozen=True)
@@ -56,14 +52,18 @@ class _Lack:
 
 
 def proposals(
-    problem: Problem, records: Sequence[Record], effects: Sequence[Effect], scales: Scales
+    problem: Problem,
+    near: Sequence[Linearization],
+    records: Sequence[Record],
+    effects: Sequence[Effect],
+    scales: Scales,
 ) -> dict[str, tuple[float, ...]]:
     """Return key to values of the searched shape, of every effect that has one.
 
     Parameters
     ----------
-    problem:
-        The fitted model and some of the data, for what is looked for by simulation.
+    problem, near:
+        The fitted model and the training data, and its residuals and derivatives there.
     records:
         Training records.
     effects:
@@ -72,6 +72,7 @@ def proposals(
         Typical sizes.
     """
     model = problem.model
+    matched = cache(lambda: Matched(problem, near))
     found: dict[str, tuple[float, ...]] = {}
     lacks: dict[str, list[_Lack]] = {}
     for one in effects:
@@ -79,16 +80,16 @@ def proposals(
         if one.key in model.effects or not model.admits(one):
             continue
         if card.orders:
-            found[one.key] = tuple(float(n) for n in likely_orders(problem, one))
+            found[one.key] = tuple(float(n) for n in matched().orders(one))
         if not card.moment and not card.frequency:
             continue
         force = next(f.name for f in model.kind.forces if f.name in one.laws)
-        if force not in lacks:
-            lacks[force] = _lacks(model, records, force)
         if card.moment:
+            if force not in lacks:
+                lacks[force] = _lacks(model, records, force)
             found[one.key] = _moments(one, force, lacks[force], scales)
         else:
-            found[one.key] = _frequencies(lacks[force])
+            found[one.key] = matched().frequencies(force, FREQUENCIES)
     return found
 
 
@@ -162,36 +163,3 @@ def _from_end(values: Array) -> Array:
     total = np.zeros((values.shape[0] + 1, *values.shape[1:]))
     total[:-1] = np.cumsum(values[::-1], axis=0)[::-1]
     return total
-
-
-def _frequencies(lacks: Sequence[_Lack]) -> tuple[float, ...]:
-    """Return the frequencies in Hz that stand out of the unexplained force, strongest first.
-
-    Its spectrum, at half the resolution's spacing, is divided by the median of its surroundings.
-    """
-    if not lacks:
-        return ()
-    end = max(float(lack.time[-1]) for lack in lacks)
-    spacing = 0.5 / end
-    count = int(_HIGHEST / max(lack.dt for lack in lacks) / spacing)
-    power = np.zeros(count)
-    for lack in lacks:
-        window = np.hanning(lack.time.size)
-        length = max(round(1.0 / (spacing * lack.dt)), lack.time.size)
-        spectrum = np.abs(np.fft.rfft(window * lack.force, length)) ** 2
-        at = np.arange(count) * spacing * length * lack.dt
-        power += np.interp(at, np.arange(spectrum.size), spectrum)
-    first = int(np.ceil(_CYCLES / end / spacing))
-    height = power / (surroundings(power, _NEIGHBOURS) + 1e-300)
-    peak = np.zeros(count, dtype=bool)
-    peak[1:-1] = (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])
-    peak[:first] = False
-    best = [k for k in np.argsort(-height * peak).tolist() if peak[k] and height[k] > _HEIGHT]
-    return tuple(_summit(power, k) * spacing for k in best[:FREQUENCIES])
-
-
-def _summit(power: Array, k: int) -> float:
-    """Return the place of the peak of a parabola through the logarithms around `k`."""
-    left, middle, right = np.log(power[k - 1 : k + 2] + 1e-300)
-    bend = left - 2 * middle + right
-    return float(k + (0.5 * (left - right) / bend if bend < 0 else 0.0))

@@ -12,7 +12,6 @@ from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import related, winner_of
-from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Effect
 
 Tell = Callable[[str], None]
@@ -27,13 +26,12 @@ this much behind it, or if it is a wider or a narrower form of the winner: it is
 
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:
     """Score every candidate that can be added to a fitted model."""
-    problem = bench.problem(rung.model)
+    problem, near = bench.problem(rung.model), slopes(rung, bench)
     train = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
-    some = Problem(rung.model, bench.rough, bench.outputs)
-    proposed = proposals(some, train, candidates, bench.scales)
+    proposed = proposals(problem, near, train, candidates, bench.scales)
     tried = list(variants(rung.model, bench.scales, candidates, proposed))
     tell(f'scoring {len(tried)} variants of {len({v.effect.key for v in tried})} effects')
-    return score(problem, problem.vector(), tried, slopes(rung, bench))
+    return score(problem, problem.vector(), tried, near)
 
 
 def unseen(scores: Scores) -> set[str]:

@@ -119,12 +119,13 @@ def _shape(model: Model, one: Effect, shape: Shape, record: Record | None) -> fl
         )
     if shape.name == one.card.orders:
         from motor_sysid.diagnosis.diagnose import STANDS_OUT
-        from motor_sysid.diagnosis.orders import likely_orders
+        from motor_sysid.diagnosis.matched import Matched
         from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
 
         outputs = observed_outputs(model.kind, [record])
         problem = Problem(model, [make_chain(record.uniform(), model.kind, outputs)], outputs)
-        orders = likely_orders(problem, one, 1, contrast=STANDS_OUT)
+        matched = Matched(problem, problem.linearize(problem.vector()))
+        orders = matched.orders(one, 1, contrast=STANDS_OUT)
         if not orders:
             raise UserError(
                 f'no number of waves per turn stands out for `{one.key}` in the last samples: '

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from motor_sysid.diagnosis.orders import likely_orders
+from motor_sysid.diagnosis.matched import Matched
 from motor_sysid.diagnosis.residual import known_forces, measured_states
 from motor_sysid.diagnosis.setup import base_fit, make_bench
 from motor_sysid.errors import UserError
@@ -152,8 +152,9 @@ def _orders(records: Sequence[Record], effects: Sequence[str]) -> dict[str, tupl
         return {}
     bench = make_bench(records, (), motor('brushed_dc'))
     model = base_fit(records, bench.kind, bench.train, bench.outputs, {}).model
-    problem = Problem(model, bench.rough, bench.outputs)
-    return {key: likely_orders(problem, effect(key)) for key in waving}
+    problem = Problem(model, bench.train, bench.outputs)
+    matched = Matched(problem, problem.linearize(problem.vector()))
+    return {key: matched.orders(effect(key)) for key in waving}
 
 
 def _shapes(card: Card, scales: Scales, orders: Sequence[int]) -> Iterator[dict[str, float]]:
