@@ -46,18 +46,25 @@ def _load(b: Bench) -> Values:
     return {'tau_l': b.plant.tau_l}
 
 
+def _ahead(b: Bench) -> float:
+    """Return how far the rotor is ahead of what the encoder shows, on average: half a count."""
+    return np.pi / b.sensors.counts if b.sensors.counts else 0.0
+
+
 def _gravity(b: Bench) -> Values:
-    size, angle = b.plant.gravity, b.plant.gravity_angle
+    size, angle = b.plant.gravity, b.plant.gravity_angle + _ahead(b)
     return {'tau_sin': size * np.cos(angle), 'tau_cos': -size * np.sin(angle)}
 
 
 def _cogging(b: Bench) -> Values:
     p = b.plant
+    first = p.cogging_angle + p.order * _ahead(b)
+    second = p.second_angle + 2 * p.order * _ahead(b)
     return {
-        'a_1': p.cogging * np.sin(p.cogging_angle),
-        'b_1': p.cogging * np.cos(p.cogging_angle),
-        'a_2': p.second * np.sin(p.second_angle),
-        'b_2': p.second * np.cos(p.second_angle),
+        'a_1': p.cogging * np.sin(first),
+        'b_1': p.cogging * np.cos(first),
+        'a_2': p.second * np.sin(second),
+        'b_2': p.second * np.cos(second),
         'n': p.order,
     }
 
@@ -112,9 +119,10 @@ def _swing(b: Bench) -> Values:
 
 def _ripple(b: Bench) -> Values:
     p = b.plant
+    angle = p.ripple_angle + p.ripple_order * _ahead(b)
     return {
-        'a': p.ripple * np.sin(p.ripple_angle),
-        'b': p.ripple * np.cos(p.ripple_angle),
+        'a': p.ripple * np.sin(angle),
+        'b': p.ripple * np.cos(angle),
         'n': p.ripple_order,
     }
 

@@ -26,6 +26,7 @@ from motor_sysid.diagnosis.rounds import refitted, scored, unseen, WORKERS
 from motor_sysid.diagnosis.rung import (
     certainty,
     climb,
+    exact,
     gain_in_bic,
     polish,
     profile_cost,
@@ -278,9 +279,15 @@ class _Engine:
     ) -> Rung | None:
         """Return the pair of effects that does better than one, if there is one.
 
+        A pair that only widens an effect of the model had its turn when that was tried alone.
+
         Pairs that do as well and have one effect in common make rivals of the two others.
         """
-        worth = [pair for pair in scores.pairs if pair[0].gain > ALTERNATIVE * gain]
+        worth = [
+            pair
+            for pair in scores.pairs
+            if pair[0].gain > ALTERNATIVE * gain and not any(one.variant.inherits for one in pair)
+        ]
         with ThreadPoolExecutor(WORKERS) as pool:
             rough = pool.map(
                 lambda pair: try_pair(pair, slim, self.bench, scores.weighting), worth
@@ -344,7 +351,8 @@ class _Engine:
     ) -> Diagnosis:
         """Give the verdict on a finished ladder."""
         if len(ladder) > 1:
-            ladder[-1] = (polish(ladder[-1][0], self.bench), ladder[-1][1])
+            last, self.bench = exact(ladder[-1][0], self.bench)
+            ladder[-1] = (polish(last, self.bench), ladder[-1][1])
         final = ladder[-1][0]
         left = self.remainder(final)
         rivals = {

@@ -5,10 +5,12 @@ the moment has steps and plateaus, on which a fit stays where it is.  A scan, ev
 as fitted, tells whether it is better elsewhere.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.batch import Problem, Weighting
+from motor_sysid.estimation.batch import Linearization, Problem, Weighting
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -17,6 +19,8 @@ Array = NDArray[np.float64]
 _GRID = 63
 _WORTH = 2.0
 """Decrease of the weighted sum of squares below which a moment stays where it is."""
+
+_CHANCE, _DECADES = 3.84, 6.0
 
 
 def with_best_moments(problem: Problem, weighting: Weighting) -> Model:
@@ -37,6 +41,42 @@ def with_best_moments(problem: Problem, weighting: Weighting) -> Model:
         if name in free:
             model = _moved(problem, model, free.index(name), weighting)
     return model
+
+
+def with_honest_moments(problem: Problem, weighting: Weighting) -> Model:
+    """Return the problem's model, fitted, with the standard error of each moment from a scan.
+
+    The error is no parabola in a moment: where nothing moves it is flat, and beside that a
+    staircase.  The standard error is a quarter of the stretch over which the error stays within
+    what chance allows (95 %), and no less than what one sample resolves.
+    """
+    model = problem.model
+    free = [p.name for p in problem.free]
+    moments = [f'{key}.{effect(key).card.moment}' for key in model.effects]
+    found = {}
+    near = problem.linearize(problem.vector(), parameters=False)
+    for name in moments:
+        if name not in free:
+            continue
+        z, at = problem.vector(), free.index(name)
+        dt = problem.stretches[0].drive.dt / float(problem.slope(z)[at])
+        spread = np.sinh(np.linspace(-_DECADES, _DECADES, _GRID)) / np.sinh(_DECADES / _GRID)
+        cloud = np.repeat(z[np.newaxis, :], _GRID, axis=0)
+        lower, upper = (bound[at] for bound in problem.box())
+        cloud[:, at] = np.clip(z[at] + dt * spread, lower, upper)
+        inside = problem.costs(cloud, weighting, near) < _least(problem, z, weighting, near)
+        width = float(np.ptp(cloud[inside, at])) if inside.any() else 0.0
+        p = model.parameters[name]
+        error = max(0.25 * width, dt / np.sqrt(12.0)) * float(problem.slope(z)[at])
+        found[name] = max(p.sigma or 0.0, error)
+    return model.with_estimates({}, found)
+
+
+def _least(
+    problem: Problem, z: Array, weighting: Weighting, near: Sequence[Linearization]
+) -> float:
+    """Return the weighted sum of squares that chance allows, 95 %."""
+    return float(problem.costs(z[np.newaxis, :], weighting, near)[0]) + _CHANCE
 
 
 def _moved(problem: Problem, model: Model, at: int, weighting: Weighting) -> Model:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare, Comparison, comparison_of
-from motor_sysid.diagnosis.moments import with_best_moments
+from motor_sysid.diagnosis.moments import with_best_moments, with_honest_moments
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
     fit,
@@ -32,6 +32,9 @@ BRIEF, FULL = 1e-5, 1e-7
 
 FINER = (2, 4)
 """Integration steps per sample where one is not enough."""
+
+FINEST = (4, 8)
+"""The same for the last fit, whose parameters are told."""
 
 ROUNDING = 0.1
 """Error of the integration, as a share of what is left, that is not worth finer steps."""
@@ -125,31 +128,45 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
     return Rung(result, training, free, held, tuple(near), substeps)
 
 
-def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+def refined(
+    rung: Rung, bench: Bench, finer: Sequence[int] = FINER, rounding: float = ROUNDING
+) -> tuple[Rung, Bench]:
     """Check the integration of a fitted model, and refit with finer steps where it matters.
 
     Integration error would count as missing physics; it may be a tenth of the remaining error.
     """
-    if bench.substeps >= FINER[-1] or not rung.model.effects:
+    if bench.substeps >= finer[-1] or not rung.model.effects:
         return rung, bench
     runs = {
         steps: np.concatenate(
             compare(rung.model, bench.train_free, bench.outputs, substeps=steps).residuals
         )
-        for steps in FINER
+        for steps in finer
         if steps > bench.substeps
     }
     left = np.concatenate(rung.training.residuals)
-    size, finest = np.sqrt(np.mean(left**2, axis=0)), runs[FINER[-1]]
+    size, finest = np.sqrt(np.mean(left**2, axis=0)), runs[finer[-1]]
     steps = next(
         steps
         for steps, run in ((bench.substeps, left), *runs.items())
-        if np.all(np.sqrt(np.mean((finest - run) ** 2, axis=0)) <= ROUNDING * size)
+        if np.all(np.sqrt(np.mean((finest - run) ** 2, axis=0)) <= rounding * size)
     )
     if steps == bench.substeps:
         return rung, bench
     fine = replace(bench, substeps=steps)
     return climb(rung.model, fine, rung.result.weighting), fine
+
+
+def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+    """Fit the last model with steps so fine that they move no parameter by its standard error.
+
+    The worst that a change of the residual can do is to lie along one parameter: then its sum of
+    squares, in units of the noise, is the square of the move in standard errors.
+    """
+    rows = sum(part.size for part in rung.training.residuals)
+    last, bench = refined(rung, bench, FINEST, 1.0 / np.sqrt(rows))
+    model = with_honest_moments(bench.problem(last.model), last.result.weighting)
+    return replace(last, result=replace(last.result, model=model)), bench
 
 
 def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
