@@ -52,7 +52,7 @@ def _ahead(b: Bench) -> float:
 
 
 def _gravity(b: Bench) -> Values:
-    size, angle = b.plant.gravity, b.plant.gravity_angle + _ahead(b)
+    size, angle = b.plant.gravity, b.plant.gravity_angle - _ahead(b)
     return {'tau_sin': size * np.cos(angle), 'tau_cos': -size * np.sin(angle)}
 
 

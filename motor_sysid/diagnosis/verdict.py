@@ -28,6 +28,9 @@ LEFT_OVER = 0.2
 """Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
 is there leaves little to others, and a wrong neighbour of it leaves much."""
 
+NEARLY_ALL = 0.95
+"""Share of the squared error beyond sensor noise above which the only effect is not doubted."""
+
 EXPLAINED = 0.4
 """Share of the squared error beyond sensor noise that what is named must explain, where more than
 noise remains."""
@@ -108,7 +111,8 @@ def verdict_of(
 ) -> Verdict:
     """Return what a ladder of fits, with what was tried on each, comes to.
 
-    If the only effect is `doubted`, something is missing, but not that.
+    If the only effect is `doubted`, and does not explain nearly all, something is missing, but
+    not that.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
@@ -120,6 +124,7 @@ def verdict_of(
     floor = left.floor_percent
     explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
     partly = left.over_floor > ABOVE_FLOOR and explained < EXPLAINED
+    doubted = doubted and explained < NEARLY_ALL
     if (structured and explained < 0.75) or partly or doubted:
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING

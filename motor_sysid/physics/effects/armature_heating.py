@@ -4,7 +4,7 @@ from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
 
 CARD = Card(
     title='armature heating',
-    equation='v = -R h q i,  dq/dt = R i^2 - q / t_th  (q: stored loss energy)',
+    equation='v = -R h q i,  dq/dt = R (1 + h q) i^2 - q / t_th  (q: stored loss energy)',
     symptom='The current at a given voltage and speed falls with time, faster after heavy load.',
     reference='Krishnan, Electric Motor Drives, 2001, section 2.10',
     enters=Enters.ELECTRICAL,
@@ -28,6 +28,6 @@ def voltage(i: float, R: float, q: float, h: float) -> float:
     return -R * h * q * i
 
 
-def rate(i: float, R: float, q: float, t_th: float) -> float:
+def rate(i: float, R: float, q: float, h: float, t_th: float) -> float:
     """Rate of the stored energy in W."""
-    return R * i * i - q / t_th
+    return R * (1.0 + h * q) * i * i - q / t_th

@@ -6,7 +6,10 @@ through zero in proportion.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
-from motor_sysid.physics.laws import smooth_sign
+from motor_sysid.physics.laws import sqrt
+
+ROUND = 2.5e-3
+"""Square of the width of the corners, in units of the current at which they lie."""
 
 CARD = Card(
     title='inverter dead time',
@@ -27,4 +30,5 @@ CARD = Card(
 
 def voltage(i: float, v_d: float, i_0: float) -> float:
     """Voltage in V."""
-    return -v_d * smooth_sign(i, i_0)
+    x = i / i_0
+    return -0.5 * v_d * (sqrt((x + 1.0) ** 2 + ROUND) - sqrt((x - 1.0) ** 2 + ROUND))
