@@ -266,6 +266,7 @@ class _Engine:
                 for trial in self.substitutes(key, slim, scores, mine):
                     if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
                         self.tell(f'{trial.key} does better than {key}')
+                        self.gains[trial.key] = trial.delta_bic
                         return climb(trial.rung.model, self.bench, rung.result.weighting)
                     if trial.key not in rivals.get(key, ()):
                         rivals[key] = (*rivals.get(key, ()), trial.key)
@@ -311,6 +312,7 @@ class _Engine:
                 mine, theirs = (best - keys).pop(), (keys - best).pop()
                 rivals[mine] = (*rivals.get(mine, ()), theirs)
         self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
+        self.gains |= dict.fromkeys(best, tried[0][1])
         return tried[0][0]
 
     def substitutes(
@@ -362,7 +364,11 @@ class _Engine:
         }
         verdict = verdict_of(ladder, left, rivals, doubted)
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
-        steps = tuple(self.step(rung, trials, rivals) for rung, trials in ladder)
+        after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
+        steps = tuple(
+            self.step(rung, sorted(trials, key=lambda t: t.key not in added), rivals)
+            for (rung, trials), added in zip(ladder, after, strict=True)
+        )
         shown = steps if named else steps[:1]
         found = Diagnosis(
             verdict=verdict,

@@ -56,7 +56,10 @@ def _all_candidates(diagnosis: Diagnosis) -> list[Candidate]:
             known = best.get(one.effect)
             if known is None or (one.passes, one.delta_bic) > (known.passes, known.delta_bic):
                 best[one.effect] = one
-    return sorted(best.values(), key=lambda c: (not c.passes, -c.delta_bic))
+    named = diagnosis.effects
+    return sorted(
+        best.values(), key=lambda c: (c.effect not in named, not c.passes, -c.delta_bic)
+    )
 
 
 def _threshold(one: Threshold | None) -> Json:

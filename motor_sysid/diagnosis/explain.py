@@ -72,7 +72,7 @@ def _reasons(
 
 def _unknown(diagnosis: Diagnosis, last: Step, left: Remainder) -> tuple[Unknown, ...]:
     """Return what the last model lacks, where something does remain."""
-    if diagnosis.verdict is Verdict.INSUFFICIENT_DATA or not words.remains(left):
+    if diagnosis.verdict is Verdict.INSUFFICIENT_DATA or not left.structured:
         return ()
     records, roles = diagnosis.records, diagnosis.roles
     failure = failure_of(last.model, records, roles, last.predictions)

@@ -26,6 +26,16 @@ _FOLDS = 12
 _ROWS = 12_000
 
 
+STRUCTURE = 0.25
+"""Share of the remaining error that must be predictable before it is called missing physics."""
+
+ABOVE_FLOOR = 1.3
+"""Remaining error over sensor noise below which nothing more is looked for."""
+
+TRIFLE_PERCENT = 1.0
+"""Size of what is predictable, in percent of the signal, below which a model is good enough."""
+
+
 @dataclass(frozen=True)
 class Remainder:
     """What remains of the error.
@@ -36,6 +46,8 @@ class Remainder:
         Output to standard deviation of its sensor noise, in the unit of the signal.
     floor_percent:
         The error that this noise alone makes, combined over outputs.
+    error_percent:
+        The error that remains on held-out data, free-running.
     over_floor:
         Largest ratio of an output's error to its noise.
     predictable:
@@ -46,8 +58,20 @@ class Remainder:
 
     floor: dict[str, float]
     floor_percent: float
+    error_percent: float
     over_floor: float
     predictable: float
+
+    @property
+    def structured(self) -> bool:
+        """Whether something remains that is missing physics and no trifle."""
+        size = self.error_percent * np.sqrt(max(self.predictable, 0.0))
+        return bool(self.above_floor and self.predictable > STRUCTURE and size > TRIFLE_PERCENT)
+
+    @property
+    def above_floor(self) -> bool:
+        """Whether more remains than the sensors make."""
+        return self.over_floor > ABOVE_FLOOR
 
 
 def examine_remainder(
@@ -87,6 +111,7 @@ def examine_remainder(
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
         float(100 * np.sqrt(np.mean((noise / size) ** 2))),
+        validation.error_percent,
         float(np.max(error / np.maximum(noise, 1e-300))),
         _predictable(training, held, chains, orders),
     )
@@ -102,12 +127,12 @@ def _predictable(
     x, y = _regression(training, chains[0], orders, stride)
     xv, yv = _regression(held, chains[1], orders, stride)
     if len(x) < 4 * x.shape[1] or len(xv) < 20:
-        return 0.0
+        return 1.0  # too short to tell: what is beyond the noise is not to be called noise
     middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-12
     x, xv = (x - middle) / spread, (xv - middle) / spread
     gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
     offset = y.mean(axis=0)
-    guess = offset + xv @ np.linalg.solve(gram, x.T @ (y - offset))
+    guess = offset + xv @ np.linalg.lstsq(gram, x.T @ (y - offset), rcond=1e-10)[0]
     along = np.maximum(np.sum(yv * guess, axis=0), 0.0) ** 2
     along /= np.maximum(np.sum(yv**2, axis=0) * np.sum(guess**2, axis=0), 1e-300)
     across = _cross_validated(np.concatenate((x, xv)), np.concatenate((y, yv)))
@@ -124,7 +149,7 @@ def _cross_validated(x: Array, y: Array) -> float:
     side = np.sum(sides, axis=0)
     left = np.zeros(y.shape[1])
     for own, other, (part, target) in zip(grams, sides, folds, strict=True):
-        weights = np.linalg.solve(gram - own, side - other)
+        weights = np.linalg.lstsq(gram - own, side - other, rcond=1e-10)[0]
         left += np.sum((target - part @ weights) ** 2, axis=0)
     return float(np.max(1 - left / np.maximum(np.sum(y**2, axis=0), 1e-300)))
 

@@ -18,12 +18,6 @@ winner leaves more than noise: what remains may then favour either of them by ch
 SPECIAL_SHARE = 0.5
 """A special case goes first if it explains this share of what its generalisation explains."""
 
-STRUCTURE = 0.25
-"""Share of the remaining error that must be predictable before it is called missing physics."""
-
-ABOVE_FLOOR = 1.3
-"""Remaining error over sensor noise below which nothing more is looked for."""
-
 LEFT_OVER = 0.2
 """Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
 is there leaves little to others, and a wrong neighbour of it leaves much."""
@@ -115,7 +109,7 @@ def verdict_of(
     not that.
     """
     base, final = ladder[0][0], ladder[-1][0]
-    structured = left.over_floor > ABOVE_FLOOR and left.predictable > STRUCTURE
+    structured = left.structured
     if len(base.result.unidentifiable) >= TOO_VAGUE and not structured:
         return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
@@ -123,7 +117,7 @@ def verdict_of(
     before, after = base.held.error_percent, final.held.error_percent
     floor = left.floor_percent
     explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    partly = left.over_floor > ABOVE_FLOOR and explained < EXPLAINED
+    partly = left.above_floor and explained < EXPLAINED
     doubted = doubted and explained < NEARLY_ALL
     if (structured and explained < 0.75) or partly or doubted:
         return Verdict.UNKNOWN_EFFECT

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from motor_sysid.diagnosis.found import BlindSpot, Evidence, Rivalry, Unknown, WrongParameter
-from motor_sysid.diagnosis.remainder import Remainder
+from motor_sysid.diagnosis.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Step, Verdict
 from motor_sysid.physics.effects import effect
 
@@ -14,9 +14,6 @@ _EXPERIMENTS = {
     'long load': 'high and low load in turn for several thermal time constants',
 }
 
-REMAINS, STRUCTURED = 1.3, 0.25
-"""Error over sensor noise, and its predictable share, from which what remains is spoken of."""
-
 
 def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[str]:
     """Say that nothing is missing, and what these data could not have shown."""
@@ -25,7 +22,11 @@ def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[st
         f'{step.validation_error_percent:.3g} %, sensor noise alone makes '
         f'{left.floor_percent:.3g} %.'
     ]
-    if left.over_floor > REMAINS:
+    if left.above_floor and left.predictable > STRUCTURE:
+        lines.append(
+            f'What remains above the sensor noise is below {TRIFLE_PERCENT:g} % of the signal.'
+        )
+    elif left.above_floor:
         lines.append(
             'What remains above the sensor noise is not predictable from the input, as random '
             'load or drive ripple is.'
@@ -96,7 +97,7 @@ def named(
     ]
     lines += [one.words for one in evidence]
     lines += [one.words for one in rivalries]
-    if remains(left):
+    if left.structured:
         lines.append(
             f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
             f'noise and {100 * left.predictable:.0f} % of it is predictable from the motion, but '
@@ -104,11 +105,6 @@ def named(
         )
         lines += shapes(found)
     return lines
-
-
-def remains(left: Remainder) -> bool:
-    """Whether something predictable remains above the sensor noise."""
-    return left.over_floor > REMAINS and left.predictable > STRUCTURED
 
 
 def wrong(found: Sequence[WrongParameter]) -> list[str]:
