@@ -78,6 +78,10 @@ class IdentifierSettings:
     diagnose_window: float = parameter(
         20.0, 'Length of data in a diagnosis.', 's', 1, 1e4, live=True
     )
+    diagnose_alpha: float = parameter(
+        0.01, 'False-alarm rate of a diagnosis, where a calibration of the motor is stored.', '',
+        1e-4, 0.5, live=True,
+    )  # fmt: skip
     window_samples: int = parameter(
         30_000, 'Samples kept for refits and diagnoses; more than that are never looked at.', '',
         100, 10**7,

@@ -110,6 +110,8 @@ class DiagnosisJob:
         Of the window, ns.
     offset:
         Time from the identifier's first sample to that of the window, s.
+    alpha:
+        False-alarm rate that evidence is held to, where the user's calibrations tell.
     """
 
     model: Model
@@ -117,18 +119,26 @@ class DiagnosisJob:
     first_stamp: int
     last_stamp: int
     offset: float
+    alpha: float = 0.01
 
     def work(self) -> DiagnosisOutcome:
         """Diagnose; see `motor_sysid.diagnosis`."""
-        from motor_sysid.diagnosis import diagnose
+        from motor_sysid.diagnosis import diagnose, Settings
+        from motor_sysid.diagnosis.calibration.store import load_calibrations
         from motor_sysid.diagnosis.held import change_in_words, held_until
 
         begin, model = time.perf_counter(), self.model
+        unread: list[str] = []
+        calibrations = tuple(load_calibrations(complain=unread.append))
+        settings = Settings(alpha=self.alpha, calibrations=calibrations)
         if model.effects:
-            found = diagnose([self.record], model=model)
+            found = diagnose([self.record], model=model, settings=settings)
         else:
             values = model.parameters.values()
-            found = diagnose([self.record], motor=model.motor, nominal=values)
+            found = diagnose(
+                [self.record], motor=model.motor, nominal=values, settings=settings
+            )
+        found = replace(found, warnings=(*found.warnings, *unread))
         held = held_until(found.model, self.record)
         words = change_in_words(found.model, held, self.offset)
         moment = _moment(found.model, held.time if held else None)

@@ -136,4 +136,4 @@ def _job(
     first = last - round(record.duration * SECOND)
     offset = max((first - stream.first_stamp) / SECOND, 0.0) if stream.first_stamp >= 0 else 0.0
     model = present(configuration.model, stream.estimate())
-    return DiagnosisJob(model, record, first, last, offset)
+    return DiagnosisJob(model, record, first, last, offset, settings.diagnose_alpha)
