@@ -107,12 +107,18 @@ def try_roughly(
     if not possible[0].variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}
         tried += [(one, model.with_values(anew)) for one, model in tried[:1]]
-    others = [s for s in bench.sensors if s is not rung.model.speed_sensor]
-    tried += [(one, replace(model, speed_sensor=s)) for one, model in tried for s in others]
-    fits = [_rough_fit(model, rung.result.weighting, bench, FIRST_STEPS) for _, model in tried]
-    best = min(range(len(fits)), key=lambda k: misfit(fits[k]))
-    rough = _rough_fit(fits[best].model, fits[best].weighting, bench, ROUGH_STEPS)
-    return _judged(tried[best][0], _standing(rough, bench), rung, bench, weighting)
+
+    def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:
+        return one, model, _rough_fit(model, rung.result.weighting, bench, FIRST_STEPS)
+
+    fits = [begun(one, model) for one, model in tried]
+    one, model, first = min(fits, key=lambda fit: misfit(fit[2]))
+    for sensor in bench.sensors:
+        if sensor is not rung.model.speed_sensor:
+            fits.append(begun(one, replace(model, speed_sensor=sensor)))
+    one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
+    rough = _rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
+    return _judged(one, _standing(rough, bench), rung, bench, weighting)
 
 
 def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:

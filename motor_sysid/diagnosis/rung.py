@@ -129,7 +129,12 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
 
 
 def refined(
-    rung: Rung, bench: Bench, finer: Sequence[int] = FINER, rounding: float = ROUNDING
+    rung: Rung,
+    bench: Bench,
+    finer: Sequence[int] = FINER,
+    rounding: float = ROUNDING,
+    *,
+    briefly: bool = False,
 ) -> tuple[Rung, Bench]:
     """Check the integration of a fitted model, and refit with finer steps where it matters.
 
@@ -154,7 +159,7 @@ def refined(
     if steps == bench.substeps:
         return rung, bench
     fine = replace(bench, substeps=steps)
-    return climb(rung.model, fine, rung.result.weighting), fine
+    return climb(rung.model, fine, rung.result.weighting, briefly=briefly), fine
 
 
 def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
@@ -164,7 +169,7 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     squares, in units of the noise, is the square of the move in standard errors.
     """
     rows = sum(part.size for part in rung.training.residuals)
-    last, bench = refined(rung, bench, FINEST, 1.0 / np.sqrt(rows))
+    last, bench = refined(rung, bench, FINEST, 1.0 / np.sqrt(rows), briefly=True)
     model = with_honest_moments(bench.problem(last.model), last.result.weighting)
     return replace(last, result=replace(last.result, model=model)), bench
 
