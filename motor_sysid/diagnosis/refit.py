@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.gate import (
     steadiness,
     UNPHYSICAL,
 )
+from motor_sysid.diagnosis.matched import TOP_ORDER
 from motor_sysid.diagnosis.rung import climb, gain_in_bic, judge, profile_cost, Rung
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
@@ -37,6 +38,9 @@ Array = NDArray[np.float64]
 ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
+
+MOMENTS_APART = 100
+"""Moments of a record that can be told apart: what matters lasts a hundredth of it."""
 
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
@@ -192,6 +196,7 @@ def _judged(
     after, _ = profile_cost(replace(new, near=tuple(near)) if near else new, bench, weighting)
     extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
     delta = before - after - extra * float(np.log(rows))
+    delta -= searching(scored.variant.effect, rows // len(bench.outputs))
     gain = 100 * (1 - combined_error(new.held, rung.held))
     steady = steadiness(rung.held, new.held)
     share = (before - after) / max(before - rows, 1e-300)
@@ -199,6 +204,17 @@ def _judged(
     certain = small and is_certain(rung.held, new.held, weighting)
     note = gate_note(scored, new, rung, delta, gain, steady, certain, bench.threshold)
     return Trial(scored, new, delta, gain, steady, note, after / rows)
+
+
+def searching(one: Effect, samples: int) -> float:
+    """Return the price in BIC of a shape that was looked for everywhere: twice the log of where.
+
+    Noise alone makes some wave stand out of thousands.
+    """
+    card = one.card
+    places = TOP_ORDER if card.orders else 1
+    places *= samples // 2 if card.frequency else MOMENTS_APART if card.moment else 1
+    return 2.0 * float(np.log(places))
 
 
 def _impossible(scored: Scored) -> bool:

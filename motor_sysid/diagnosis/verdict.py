@@ -25,9 +25,9 @@ is there leaves little to others, and a wrong neighbour of it leaves much."""
 NEARLY_ALL = 0.95
 """Share of the squared error beyond sensor noise above which the only effect is not doubted."""
 
-EXPLAINED = 0.4
-"""Share of the squared error beyond sensor noise that what is named must explain, where more than
-noise remains."""
+EXPLAINED = 0.75
+"""Share of the squared error beyond sensor noise that what is named must explain, where something
+predictable remains."""
 
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together; inductance alone often is."""
@@ -117,8 +117,7 @@ def verdict_of(
     before, after = base.held.error_percent, final.held.error_percent
     floor = left.floor_percent
     explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    partly = left.above_floor and explained < EXPLAINED
     doubted = doubted and explained < NEARLY_ALL
-    if (structured and explained < 0.75) or partly or doubted:
+    if (structured and explained < EXPLAINED) or doubted:
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
