@@ -68,9 +68,8 @@ is kept without a fit that lacks it."""
 PROMISING = 0.97
 """Share of the best rough gain of a pair that another pair must reach to be fitted in full."""
 
-WAVE, STANDS_OUT = 'cogging_torque', 4.0
-"""The effect by which waves over the rotor angle are looked for in what is left, and how much more
-than its neighbours a number of waves must explain."""
+STANDS_OUT = 4.0
+"""How much more than its neighbours a number of waves per turn must explain to be believed."""
 
 MIN_SAMPLES = 200
 
@@ -398,7 +397,7 @@ class _Engine:
             rung.held,
             (self.bench.train, self.bench.held),
             [late and name == 'speed' for name in self.bench.outputs],
-            matched.orders(effect(WAVE), contrast=STANDS_OUT),
+            matched.orders(contrast=STANDS_OUT),
         )
 
     def step(

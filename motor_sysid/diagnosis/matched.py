@@ -83,26 +83,31 @@ class Matched:
             for (path, first), error in zip(scored, errors, strict=True)
         ]
 
-    def orders(self, one: Effect, count: int = 5, *, contrast: float = 0.0) -> tuple[int, ...]:
+    def orders(
+        self, one: Effect | None = None, count: int = 5, *, contrast: float = 0.0
+    ) -> tuple[int, ...]:
         """Return the waves per turn at which an effect would explain most, best first.
 
         Parameters
         ----------
         one:
             The effect; its first amplitude is that of a cosine, its second that of the sine.
+            Without it: a plain wave of torque.
         count:
             Most that are returned.
         contrast:
             Least ratio of what an order explains to what its neighbours do (their median).
         """
         gains = self.order_gains(one)
-        lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
+        lower = 2.0
+        if one is not None:
+            lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
         gains[: max(round(lower), 1)] = 0.0
         peaks = _peaks(gains) & (gains > contrast * surroundings(gains, _BESIDE))
         best = [n for n in np.argsort(-gains).tolist() if peaks[n]]
         return tuple(best[:count])
 
-    def order_gains(self, one: Effect) -> Array:
+    def order_gains(self, one: Effect | None = None) -> Array:
         """Return (`TOP_ORDER` + 1,) the decrease of the whitened sum of squares by each order."""
         total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
         turned = 0.0
@@ -146,9 +151,11 @@ class Matched:
         step = float(frequency[1])
         return tuple(_summit(gains, k) * step for k in apart[:count])
 
-    def _carrier(self, one: Effect, force: str, path: Path) -> Array:
+    def _carrier(self, one: Effect | None, force: str, path: Path) -> Array:
         """Return (N,) what an effect's cosine is multiplied by: its law at no waves per turn."""
         size = path['t'].size
+        if one is None:
+            return np.full(size, float(force == 'torque'))
         if force not in one.laws:
             return np.zeros(size)
         known: dict[str, Array | float] = {**self._problem.model.parameters.values(), **path}
