@@ -1,7 +1,6 @@
 """The pipeline: fit, score, refit, gate, add, prune until nothing helps; then the verdict."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,24 +9,18 @@ from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
+from motor_sysid.diagnosis.exchange import Exchange
 from motor_sysid.diagnosis.explain import explained
-from motor_sysid.diagnosis.matched import Matched
+from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
-from motor_sysid.diagnosis.refit import (
-    best_per_effect,
-    settled_pair,
-    Trial,
-    try_effect,
-    try_pair,
-)
+from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.rounds import refitted, scored, unseen, WORKERS
+from motor_sysid.diagnosis.rounds import refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
     certainty,
     climb,
     exact,
-    gain_in_bic,
     polish,
     profile_cost,
     refined,
@@ -38,14 +31,7 @@ from motor_sysid.diagnosis.rung import (
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
 from motor_sysid.diagnosis.threshold import Threshold
-from motor_sysid.diagnosis.verdict import (
-    doubts,
-    RIVAL_BIC,
-    RIVAL_SHARE,
-    rivals_of,
-    verdict_of,
-    winner_of,
-)
+from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
@@ -55,21 +41,9 @@ from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
 
-ONLY_NOISE = 1.02
-"""Whitened variance, in units of the noise, up to which a model leaves nothing to reconsider."""
-
-ALTERNATIVE = 0.8
-"""Share of an effect's gain that another one must promise to be tried in its place."""
-
 BEYOND_DOUBT = 100.0
 """Squared number of standard errors, in units of the evidence asked for, from which on an effect
 is kept without a fit that lacks it."""
-
-PROMISING = 0.97
-"""Share of the best rough gain of a pair that another pair must reach to be fitted in full."""
-
-STANDS_OUT = 4.0
-"""How much more than its neighbours a number of waves per turn must explain to be believed."""
 
 MIN_SAMPLES = 200
 
@@ -188,7 +162,7 @@ class _Engine:
             if len(ladder) > self.settings.max_effects:
                 break
             if not passing:
-                other = None if reconsidered else self.reconsider(rung, start, rivals)
+                other = None if reconsidered else self.exchange().better(rung, start, rivals)
                 if other is None:
                     break
                 rung, self.bench = refined(other, self.bench)
@@ -231,102 +205,9 @@ class _Engine:
         self.seen[frozenset(rung.model.effects)] = rung, scores
         return scores
 
-    def without(self, rung: Rung, key: str) -> tuple[Rung, Scores]:
-        """Return the fit without one effect, and what then scores."""
-        left = frozenset(rung.model.effects) - {key}
-        if left not in self.seen:
-            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
-            self.score(slim)
-        return self.seen[left]
-
-    def reconsider(
-        self, rung: Rung, start: Sequence[str], rivals: dict[str, tuple[str, ...]]
-    ) -> Rung | None:
-        """Return a better model in which one effect gives way to another one, or to two.
-
-        Effects were added one by one; what explained most alone need not be part of the truth.
-        Another effect that does as well is noted in `rivals`.
-        """
-        own = [key for key in rung.model.effects if key not in start]
-        cost, rows = profile_cost(
-            rung, self.bench, self.seen[frozenset(rung.model.effects)][1].weighting
-        )
-        left = cost - ONLY_NOISE * rows
-        doubtful = [key for key in own if left > RIVAL_SHARE * self.gains.get(key, 0.0)]
-        if left < 0 or not doubtful:
-            return None
-        first = self.seen[frozenset(start)][1].pairs
-        if first and {one.variant.effect.key for one in first[0]} == set(own):
-            return None
-        for key in doubtful:
-            slim, scores = self.without(rung, key)
-            mine = gain_in_bic(slim, rung, self.bench, scores.weighting)
-            if len(own) > 1:
-                for trial in self.substitutes(key, slim, scores, mine):
-                    if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
-                        self.tell(f'{trial.key} does better than {key}')
-                        self.gains[trial.key] = trial.delta_bic
-                        return climb(trial.rung.model, self.bench, rung.result.weighting)
-                    if trial.key not in rivals.get(key, ()):
-                        rivals[key] = (*rivals.get(key, ()), trial.key)
-            better = self.best_pair(key, slim, scores, mine, rivals)
-            if better is not None and better.held.error_percent < rung.held.error_percent:
-                return climb(better.model, self.bench, rung.result.weighting)
-        return None
-
-    def best_pair(
-        self, key: str, slim: Rung, scores: Scores, gain: float, rivals: dict[str, tuple[str, ...]]
-    ) -> Rung | None:
-        """Return the pair of effects that does better than one, if there is one.
-
-        A pair that only widens an effect of the model had its turn when that was tried alone.
-
-        Pairs that do as well and have one effect in common make rivals of the two others.
-        """
-        worth = [
-            pair
-            for pair in scores.pairs
-            if pair[0].gain > ALTERNATIVE * gain and not any(one.variant.inherits for one in pair)
-        ]
-        with ThreadPoolExecutor(WORKERS) as pool:
-            rough = pool.map(
-                lambda pair: try_pair(pair, slim, self.bench, scores.weighting), worth
-            )
-            tried = [(*fitted, pair) for fitted, pair in zip(rough, worth, strict=True)]
-            near = max(PROMISING * max((one[1] for one in tried), default=0.0), gain)
-            fits = pool.map(
-                lambda one: (
-                    *settled_pair(one[0], slim, self.bench, scores.weighting), one[2]
-                ),
-                [one for one in tried if one[1] > near],
-            )
-            tried = list(fits)
-        tried.sort(key=lambda one: -one[1])
-        if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
-            return None
-        best = {one.variant.effect.key for one in tried[0][2]}
-        for _, other, pair in tried[1:]:
-            keys = {one.variant.effect.key for one in pair}
-            if other > tried[0][1] - RIVAL_BIC and len(keys & best) == 1:
-                mine, theirs = (best - keys).pop(), (keys - best).pop()
-                rivals[mine] = (*rivals.get(mine, ()), theirs)
-        self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
-        self.gains |= dict.fromkeys(best, tried[0][1])
-        return tried[0][0]
-
-    def substitutes(
-        self, key: str, slim: Rung, scores: Scores, gain: float
-    ) -> Iterator[Trial]:
-        """Yield what explains the data as well as an effect that was taken out, or better."""
-        related = {key, *effect(key).card.generalises}
-        others = [s for s in scores.singles if s.variant.effect.key not in related]
-        for starts in best_per_effect(others, 2):
-            if key not in starts[0].variant.effect.card.generalises and (
-                starts[0].delta_bic > ALTERNATIVE * gain
-            ):
-                trial = try_effect(starts, slim, self.bench, scores.weighting)
-                if trial.passes and trial.delta_bic > gain - RIVAL_BIC:
-                    yield trial
+    def exchange(self) -> Exchange:
+        """Return what looks for better sets of effects, as things stand."""
+        return Exchange(self.bench, self.seen, self.gains, self.score, self.tell)
 
     def prune(self, rung: Rung) -> Rung:
         """Drop effects that later ones have made superfluous."""

@@ -35,6 +35,9 @@ TOP_ORDER = 400
 HIGHEST = 0.4
 """Highest frequency that is looked for, in units of the sampling rate."""
 
+STANDS_OUT = 4.0
+"""How much more than its neighbours a number of waves per turn must explain to be believed."""
+
 _CYCLES = 1.5
 _NOISE_ORDER = 12
 _BESIDE = 12
