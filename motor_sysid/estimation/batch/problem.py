@@ -207,7 +207,7 @@ class Problem:
     @staticmethod
     def settled(near: Linearization, weighting: Weighting) -> Array:
         """Return (N, n_y) residual after the open initial states are set to their best values."""
-        if near.start.shape[2] == 0:
+        if near.start.shape[2] == 0 or not np.all(np.isfinite(near.residual)):
             return near.residual
         change = np.linalg.lstsq(
             weighting.flat(near.start), weighting.flat(near.residual[:, :, np.newaxis]), rcond=None
