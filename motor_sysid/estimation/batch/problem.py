@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 
 _WIDE_OPEN = 1e6
 _PIECE = 500
+_RUNAWAY = 1e100
 
 
 @dataclass(frozen=True)
@@ -207,11 +208,13 @@ class Problem:
     @staticmethod
     def settled(near: Linearization, weighting: Weighting) -> Array:
         """Return (N, n_y) residual after the open initial states are set to their best values."""
-        if near.start.shape[2] == 0 or not np.all(np.isfinite(near.residual)):
+        if near.start.shape[2] == 0:
             return near.residual
-        change = np.linalg.lstsq(
-            weighting.flat(near.start), weighting.flat(near.residual[:, :, np.newaxis]), rcond=None
-        )[0]
+        start = weighting.flat(near.start)
+        error = weighting.flat(near.residual[:, :, np.newaxis])
+        if not max(np.max(np.abs(start)), np.max(np.abs(error))) < _RUNAWAY:  # or not a number
+            return near.residual
+        change = np.linalg.lstsq(start, error, rcond=None)[0]
         rest: Array = near.residual - near.start @ change[:, 0]
         return rest
 
