@@ -48,8 +48,10 @@ def emps(data_dir) -> Diagnosis:
 
 def test_emps_lacks_coulomb_friction_first_then_an_offset_or_direction(emps):
     assert emps.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
-    assert emps.effects[0] == 'coulomb_friction'
-    assert emps.effects[1] in ('constant_load_torque', 'asymmetric_coulomb_friction')
+    assert emps.steps[1].model.effects == ('coulomb_friction',)
+    assert emps.effects in (
+        ('coulomb_friction', 'constant_load_torque'), ('asymmetric_coulomb_friction',)
+    )  # no record can tell the two apart
 
 
 def test_emps_free_run_error_falls_tenfold(emps):
@@ -62,5 +64,7 @@ def test_emps_parameters_are_those_of_the_literature(emps):
     """Janot, Gautier, Brunot 2019: M 95.1 kg, Fv 203.5 N s/m, Fc 20.4 N."""
     assert emps.model['J'] == pytest.approx(95.1, rel=0.03)
     assert emps.model['b'] == pytest.approx(203.5, rel=0.1)
-    assert emps.model['coulomb_friction.tau_c'] == pytest.approx(20.4, rel=0.1)
+    own = emps.model.parameters.values()
+    friction = [value for name, value in own.items() if 'friction.tau_c' in name]
+    assert np.mean(friction) == pytest.approx(20.4, rel=0.1)
     assert emps.model.parameters['J'].unit == 'kg'
