@@ -1,0 +1,235 @@
+"""Who wins a round, what is doubted, what a ladder comes to: the rules, one at a time."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis.gate import UNPHYSICAL
+from motor_sysid.diagnosis.refit import searching, Trial
+from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
+from motor_sysid.diagnosis.result import Verdict
+from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
+from motor_sysid.physics.effects import effect
+
+FLOOR = 1.0
+NOISE = Remainder({}, FLOOR, 1.05 * FLOOR, 1.05, 0.0)
+LEFT = Remainder({}, FLOOR, 4.0, 4.0, 0.9)
+
+
+def trial(key, delta_bic, *, note='', excess=1.0, inherits=False):
+    """Return the trial of an effect as it came out."""
+    variant = SimpleNamespace(effect=effect(key), inherits=inherits)
+    return Trial(SimpleNamespace(variant=variant), None, delta_bic, 10.0, 1.0, note, excess)
+
+
+def rung(error_percent, unidentifiable=()):
+    """Return a fit with that held-out error."""
+    return SimpleNamespace(
+        held=SimpleNamespace(error_percent=error_percent),
+        result=SimpleNamespace(unidentifiable=unidentifiable),
+    )
+
+
+def verdict(*rungs, left=NOISE, rivals=None, doubted=False):
+    return verdict_of([(one, []) for one in rungs], left, rivals or {}, doubted)
+
+
+# --- who wins
+
+
+def test_the_best_wins():
+    passing = [trial('quadratic_drag', 500.0), trial('cogging_torque', 400.0)]
+    assert winner_of(passing).key == 'quadratic_drag'
+
+
+@pytest.mark.parametrize(('gain', 'wins'), [(260.0, 'coulomb_friction'),
+                                            (240.0, 'stribeck_friction')])  # fmt: skip
+def test_a_special_case_goes_first_where_it_explains_half(gain, wins):
+    passing = [trial('stribeck_friction', 500.0), trial('coulomb_friction', gain)]
+    assert winner_of(passing).key == wins
+
+
+def test_special_cases_are_followed_to_the_end_of_their_chain():
+    passing = [
+        trial('lugre_friction', 500.0), trial('stribeck_friction', 400.0),
+        trial('coulomb_friction', 240.0),
+    ]  # fmt: skip
+    assert winner_of(passing).key == 'coulomb_friction'
+
+
+@pytest.mark.parametrize(('gain', 'wins'), [(495.0, 'quadratic_drag'),
+                                            (480.0, 'lugre_friction')])  # fmt: skip
+def test_of_equals_one_that_keeps_what_the_model_has_goes_first(gain, wins):
+    passing = [trial('lugre_friction', 500.0, inherits=True), trial('quadratic_drag', gain)]
+    assert winner_of(passing).key == wins
+
+
+def test_a_special_case_goes_before_equals():
+    passing = [
+        trial('lugre_friction', 500.0, inherits=True), trial('quadratic_drag', 495.0),
+        trial('stribeck_friction', 400.0),
+    ]  # fmt: skip
+    assert winner_of(passing).key == 'stribeck_friction'
+
+
+@pytest.mark.parametrize(
+    ('behind', 'excess', 'rivals'),
+    [
+        (9.0, 1.0, ('cogging_torque',)),
+        (11.0, 1.0, ()),
+        (19.0, 1.05, ()),
+        (19.0, 1.2, ('cogging_torque',)),
+        (21.0, 1.2, ()),
+    ],
+)
+def test_a_rival_is_close_behind_and_closer_where_only_noise_is_left(behind, excess, rivals):
+    """Within 10, or within 2 % of the winner's 1000 where it leaves more than noise."""
+    best = trial('quadratic_drag', 1000.0, excess=excess)
+    assert rivals_of(best, [best, trial('cogging_torque', 1000.0 - behind)]) == rivals
+
+
+def test_a_special_case_is_no_rival():
+    best = trial('stribeck_friction', 1000.0)
+    assert rivals_of(best, [best, trial('coulomb_friction', 999.0)]) == ()
+    best = trial('coulomb_friction', 1000.0)
+    assert rivals_of(best, [best, trial('stribeck_friction', 999.0)]) == ()
+
+
+# --- what is doubted
+
+
+@pytest.mark.parametrize(('share', 'doubted'), [(0.25, ['coulomb_friction']), (0.15, [])])
+def test_an_effect_is_doubted_if_another_explains_a_fifth_on_top_of_it(share, doubted):
+    on_top = [trial('cogging_torque', share * 1000.0, note='no evidence')]
+    assert doubts(on_top, {'coulomb_friction': 1000.0}) == doubted
+
+
+def test_each_effect_is_measured_by_its_own_gain():
+    gains = {'coulomb_friction': 1000.0, 'armature_heating': 100.0}
+    assert doubts([trial('cogging_torque', 50.0)], gains) == ['armature_heating']
+
+
+def test_what_physics_forbids_casts_no_doubt():
+    on_top = [trial('quadratic_drag', 900.0, note=UNPHYSICAL)]
+    assert doubts(on_top, {'coulomb_friction': 1000.0}) == []
+
+
+@pytest.mark.parametrize(
+    ('named', 'other'),
+    [('coulomb_friction', 'stribeck_friction'), ('stribeck_friction', 'coulomb_friction')],
+)
+def test_wider_and_narrower_forms_cast_no_doubt(named, other):
+    assert doubts([trial(other, 900.0)], {named: 1000.0}) == []
+
+
+# --- what a ladder comes to
+
+
+def test_nothing_added_is_complete_or_unknown():
+    assert verdict(rung(1.05)) is Verdict.COMPLETE
+    assert verdict(rung(4.0), left=LEFT) is Verdict.UNKNOWN_EFFECT
+
+
+def test_two_undetermined_parameters_are_too_vague_unless_something_is_seen_to_be_missing():
+    assert verdict(rung(1.05, ('L',))) is Verdict.COMPLETE
+    assert verdict(rung(1.05, ('L', 'b'))) is Verdict.INSUFFICIENT_DATA
+    assert verdict(rung(4.0, ('L', 'b')), left=LEFT) is Verdict.UNKNOWN_EFFECT
+
+
+def test_what_was_added_is_missing_and_a_rival_makes_it_ambiguous():
+    assert verdict(rung(10.0), rung(1.05)) is Verdict.EFFECT_MISSING
+    nobody, somebody = {'coulomb_friction': ()}, {'coulomb_friction': ('quadratic_drag',)}
+    assert verdict(rung(10.0), rung(1.05), rivals=nobody) is Verdict.EFFECT_MISSING
+    assert verdict(rung(10.0), rung(1.05), rivals=somebody) is Verdict.AMBIGUOUS
+
+
+@pytest.mark.parametrize(('after', 'said'), [(6.0, Verdict.UNKNOWN_EFFECT),
+                                             (4.0, Verdict.EFFECT_MISSING)])  # fmt: skip
+def test_where_something_remains_what_is_named_must_explain_three_quarters(after, said):
+    """Of the squared error beyond noise: (100 - 36) / 99 and (100 - 16) / 99."""
+    assert verdict(rung(10.0), rung(after), left=LEFT) is said
+    assert verdict(rung(10.0), rung(after)) is Verdict.EFFECT_MISSING
+
+
+@pytest.mark.parametrize(('after', 'said'), [(3.0, Verdict.UNKNOWN_EFFECT),
+                                             (2.0, Verdict.EFFECT_MISSING)])  # fmt: skip
+def test_a_doubted_effect_is_named_only_if_it_explains_nearly_all(after, said):
+    """Of the squared error beyond noise: (100 - 9) / 99 and (100 - 4) / 99."""
+    assert verdict(rung(10.0), rung(after), doubted=True) is said
+    assert verdict(rung(10.0), rung(after)) is Verdict.EFFECT_MISSING
+
+
+# --- the price of searching
+
+
+@pytest.mark.parametrize(
+    ('key', 'places'),
+    [
+        ('coulomb_friction', 1), ('cogging_torque', 400), ('torque_ripple', 400),
+        ('periodic_load', 5000), ('load_torque_step', 100), ('inertia_change', 100),
+    ],
+)  # fmt: skip
+def test_a_shape_that_was_looked_for_pays_for_the_places_where_it_was(key, places):
+    assert searching(effect(key), 10_000) == pytest.approx(2 * np.log(places))
+
+
+# --- what remains
+
+
+@pytest.mark.parametrize(
+    ('error_percent', 'over_floor', 'predictable', 'structured'),
+    [
+        (3.0, 3.0, 0.3, True),
+        (1.5, 3.0, 0.3, False),  # 1.5 sqrt(0.3) = 0.8 % of the signal: a trifle
+        (2.0, 3.0, 0.3, True),  # 1.1 %
+        (3.0, 3.0, 0.2, False),  # cannot be predicted
+        (3.0, 1.2, 0.9, False),  # the sensors make that
+        (0.9, 9.0, 1.0, False),  # all of it can be predicted, and it is a trifle
+    ],
+)
+def test_what_remains_counts_if_it_is_beyond_noise_predictable_and_no_trifle(
+    error_percent, over_floor, predictable, structured
+):
+    left = Remainder({}, 0.1, error_percent, over_floor, predictable)
+    assert left.structured is structured
+
+
+def remaining(count, error):
+    """Examine a smooth motion of that many samples with an error (N,) that is left of it."""
+    time = 1e-3 * np.arange(count)
+    drive = np.cumsum(np.random.default_rng(4).normal(size=count))[:, np.newaxis]
+    measured = (100 * np.sin(7 * time) + error)[:, np.newaxis]
+    residual = error[:, np.newaxis]
+    percent = 100 * np.sqrt(np.mean(error**2) / np.mean(measured**2))
+    run = SimpleNamespace(measured=(measured,), residuals=(residual,), error_percent=percent)
+    stretch = SimpleNamespace(
+        scored=True, scored_from=0, drive=SimpleNamespace(inputs=drive, position=np.empty(0))
+    )
+    chains = ([[stretch]], [[stretch]])
+    return examine_remainder(('speed',), run, run, run, chains, (False,), ())
+
+
+def slow_noise(count):
+    """Return noise that lasts some samples: beyond what a sensor makes, and not the motor's."""
+    rng, noise = np.random.default_rng(9), np.zeros(count)
+    for k in range(1, count):
+        noise[k] = 0.9 * noise[k - 1] + rng.normal()
+    return 3 * noise
+
+
+def test_a_record_too_short_to_tell_noise_from_physics_is_not_called_noise():
+    short, long = (remaining(count, slow_noise(count)) for count in (900, 12_000))
+    assert short.above_floor
+    assert long.above_floor
+    assert short.predictable == 1.0
+    assert short.structured
+    assert long.predictable < 0.1
+    assert not long.structured
+
+
+def test_a_function_of_the_motion_is_predictable():
+    motion = np.sin(7e-3 * np.arange(12_000))
+    found = remaining(12_000, 5 * np.tanh(20 * motion) + 0.1 * slow_noise(12_000))
+    assert found.predictable > 0.9
+    assert found.structured
