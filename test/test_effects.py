@@ -9,7 +9,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, Problem
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import Effect, Enters
-from motor_sysid.physics.effects import add_effect_file, catalogue
+from motor_sysid.physics.effects import add_effect_file, catalogue, effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.rollout import Program, simulate
@@ -103,6 +103,20 @@ def test_zero_strength_switches_it_off(key, record):
     for name, values in plain.outputs.items():
         size = np.max(np.abs(values))
         np.testing.assert_allclose(with_zero.outputs[name], values, atol=1e-9 * size, rtol=0)
+
+
+@pytest.mark.parametrize('key', [k for k in KEYS if effect(k).card.linear])
+def test_what_is_called_linear_is_linear(key):
+    rng = np.random.default_rng(3)
+    one = effect(key)
+    moved = {*motor('brushed_dc').states, 'u', *one.card.states}
+    for law in (*one.laws.values(), *one.rates.values()):
+        names = list(inspect.signature(law).parameters)
+        held = {name: rng.uniform(0.1, 2.0) for name in names}
+        first, second = ({n: rng.normal() for n in names if n in moved} for _ in range(2))
+        both = {n: 2.0 * first[n] - 3.0 * second[n] for n in first}
+        alone = [law(**{**held, **part}) for part in (first, second)]
+        assert law(**{**held, **both}) == pytest.approx(2.0 * alone[0] - 3.0 * alone[1])
 
 
 @pytest.mark.parametrize('key', KEYS)

@@ -78,6 +78,42 @@ def test_waves_shorter_than_a_step_average_out(volts, share):
     assert np.std(coarse.outputs['speed'] - fine.outputs['speed']) < share * effect
 
 
+LAGS_AND_SPRINGS = {
+    'current_sensor_lag': ({'lag': 4e-3}, lambda i, w, z: [(i - z[0]) / 4e-3, 0.0]),
+    'speed_sensor_lag': ({'lag': 3e-3}, lambda i, w, z: [(w - z[0]) / 3e-3, 0.0]),
+    'flexible_shaft': (
+        {'r': 0.6, 'w_a': 400.0, 'z': 0.05},
+        lambda i, w, z: [w - z[1], 1.6e5 * z[0] + 40.0 * (w - z[1])],
+    ),
+}
+
+
+@pytest.mark.parametrize('key', LAGS_AND_SPRINGS)
+def test_linear_effects_are_exact_however_long_the_sample(key):
+    record = random_steps(200)
+    record = Record(5 * record.time, {'voltage': record['voltage']}, {'voltage': 'V'})
+    values, rates = LAGS_AND_SPRINGS[key]
+
+    def rhs(t: float, x: np.ndarray, u: float) -> list[float]:
+        i, omega = x[:2]
+        more = rates(i, omega, x[2:])
+        twisted = 0.6 * more[1] if key == 'flexible_shaft' else 0.0
+        turning = (0.05 * i - 2e-5 * omega) / 5e-5 - twisted
+        return [(u - 2 * i - 0.05 * omega) / 6e-4, turning, *more]
+
+    x, expected = np.zeros(4), []
+    for u in record['voltage']:
+        expected.append(x)
+        x = solve_ivp(rhs, (0, 5e-3), x, 'DOP853', args=(u,), rtol=1e-9, atol=1e-11).y[:, -1]
+    shown = np.array(expected)
+    if key != 'flexible_shaft':
+        shown[:, int(key == 'speed_sensor_lag')] = shown[:, 2]
+    run = simulate(Model.base('brushed_dc', MOTOR).with_effect(key, values), record)
+    for j, name in enumerate(('current', 'speed')):
+        size = np.max(np.abs(shown[:, j]))
+        np.testing.assert_allclose(run.outputs[name], shown[:, j], atol=1e-4 * size)
+
+
 def test_a_fractional_delay_shifts_the_answer():
     record = random_steps()
     model = Model.base('brushed_dc', MOTOR)

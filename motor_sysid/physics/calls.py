@@ -36,9 +36,14 @@ class Calls:
         self._sensors: list[tuple[Lane, int, int]] = []
         self.fades: list[bool] = []
 
-    def add(self, lane: Lane, own: int, state: int) -> None:
-        """Take up a law; `own` and `state` are the offsets of its effect's numbers."""
+    def add(self, lane: Lane, own: int, state: int, *, in_core: bool = False) -> None:
+        """Take up a law; `own` and `state` are the offsets of its effect's numbers.
+
+        Equations and rates of effects that are solved `in_core` are not called.
+        """
         reads = lane.arguments
+        if in_core and not lane.target.endswith('_sensor'):
+            return
         if lane.target in self._equation:
             moved = self._own_state[lane.target]
             stiff = self._stiff if moved in reads else self._plain

@@ -165,6 +165,9 @@ class Card:
         for it.
     covers:
         Motor parameter that does the same; where a fit may change that, nothing is missing.
+    linear:
+        Whether all laws and rates are linear in states and inputs: then they are solved exactly,
+        together with the linear motor.
     """
 
     title: str
@@ -186,6 +189,7 @@ class Card:
     moment: str = ''
     frequency: str = ''
     covers: str = ''
+    linear: bool = False
 
     @property
     def parameters(self) -> tuple[Amplitude | Shape, ...]:

@@ -23,6 +23,7 @@ from motor_sysid.physics.lanes import (
     ROW_OF_ARGUMENT,
     ROW_OF_FORCE,
 )
+from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.workspace import filled, joined, lane_last, Workspace
@@ -84,7 +85,10 @@ class Program:
         row = FIRST_PARAMETER_ROW + len(motor_names)
         rows = list(range(FIRST_PARAMETER_ROW, row))
         calls = Calls(self.kind)
+        self._linear = LinearEffects(self.kind, [e for e in self.effects if e.card.linear])
+        self._core_rows: list[int] = []
         self.memory_offsets: list[int] = []
+        self._kernel_memory: list[int] = []
         self._memory_rate: list[int] = []
         self._begins: list[tuple[int, int]] = []
         for one in self.effects:
@@ -93,14 +97,19 @@ class Program:
             row += len(one.card.parameters)
             state, count = row * LANES, len(one.card.states)
             row += 2 * count
-            self.memory_offsets += [state + s * LANES for s in range(count)]
-            self._memory_rate += [state + (count + s) * LANES for s in range(count)]
+            memory = [state + s * LANES for s in range(count)]
+            self.memory_offsets += memory
+            if one.card.linear:
+                self._core_rows += [offset // LANES for offset in memory]
+            else:
+                self._kernel_memory += memory
+                self._memory_rate += [offset + count * LANES for offset in memory]
             self._begins += [
                 (state + one.card.states.index(mine) * LANES, self.kind.states.index(core))
                 for mine, core in one.card.begins.items()
             ]
             for lane in compile_effect(one, motor_names):
-                calls.add(lane, own, state)
+                calls.add(lane, own, state, in_core=one.card.linear)
         self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
         self._delay_names = [self.names.index(name) for name in delays]
@@ -130,13 +139,13 @@ class Program:
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
         self._outputs = tuple(integers(v) for v in (states, differenced, bias, sensor))
         self._memory = (
-            integers(self.memory_offsets), integers(self._memory_rate), self._fades
+            integers(self._kernel_memory), integers(self._memory_rate), self._fades
         )  # fmt: skip
         self._slope_rows = integers(
             [ROW_OF_ARGUMENT.get(f'd{f.own_state}', 0) for f in self.kind.forces]
         )
         self._kind_rows = (
-            integers([ROW_OF_ARGUMENT[s] for s in self.kind.states]),
+            integers([*(ROW_OF_ARGUMENT[s] for s in self.kind.states), *self._core_rows]),
             integers([ROW_OF_ARGUMENT[s] for s in self.kind.arguments]),
             integers([ROW_OF_FORCE[f.name] for f in self.kind.forces]),
             integers([self.kind.states.index(f.own_state) for f in self.kind.forces]),
@@ -264,7 +273,8 @@ class Program:
         width /= substeps
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
-            linear = self.kind.matrices(dict(zip(self.names, full[:, :wide], strict=True)))
+            values = dict(zip(self.names, full[:, :wide], strict=True))
+            linear = self._linear.extended(self.kind.matrices(values), values)
             matrices = [substep_matrices(*linear, w[:wide]) for w in width]
         core = (_NO_CORE, _NO_CORE, _NO_CORE)
         if self._slopes[0].size:
@@ -298,6 +308,8 @@ class Program:
 
         Samples before `first` serve only as older inputs of a delay.
         """
+        rows = workspace.buffer.reshape(-1, LANES)
+        core = np.concatenate((x, rows[self._core_rows])) if self._core_rows else x
         run_block(
             *workspace.matrices,
             workspace.width,
@@ -312,7 +324,7 @@ class Program:
             self._unpushed if push is None else push,
             workspace.buffer,
             workspace.buffer.ctypes.data,
-            x,
+            core,
             *self._kind_rows,
             ARGUMENTS.index('t'),
             *self._calls,
@@ -324,6 +336,8 @@ class Program:
             *self._outputs,
             outputs,
         )
+        if self._core_rows:
+            x[:], rows[self._core_rows] = core[: len(x)], core[len(x) :]
 
 
 @dataclass(frozen=True)

@@ -112,7 +112,7 @@ class Motion:
             rows = block.workspace.buffer.reshape(-1, LANES)
             self._memory = rows[self._memory_rows, 0]
         state = _at(block.lanes, self._slope, z, self._center)
-        return Move(state, self._slope, block.workspace.by_force)
+        return Move(state, self._slope, block.workspace.by_force[:n])
 
     def _prepare(self, z: Array, steps: Array, h: float) -> None:
         """Make the matrices of every block around the coordinates (p,)."""

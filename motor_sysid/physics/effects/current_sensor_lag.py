@@ -16,14 +16,15 @@ CARD = Card(
     axis='time',
     states=('i_f',),
     begins={'i_f': 'i'},
+    linear=True,
 )  # fmt: skip
 
 
 def current_sensor(i: float, i_f: float, lag: float) -> float:
     """Return what is added to the reading, in A."""
-    return (i_f - i) * lag / (lag + 1e-9)
+    return (i_f - i) * lag / (lag + 1e-7)
 
 
 def rate(i: float, i_f: float, lag: float) -> float:
     """Rate of the filtered current in A/s."""
-    return (i - i_f) / (lag + 1e-9)
+    return (i - i_f) / (lag + 1e-7)

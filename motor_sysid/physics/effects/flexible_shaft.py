@@ -30,6 +30,7 @@ CARD = Card(
     states=('phi', 'omega_l'),
     begins={'omega_l': 'omega'},
     shrinks=('J',),
+    linear=True,
 )  # fmt: skip
 
 

@@ -16,14 +16,15 @@ CARD = Card(
     axis='time',
     states=('omega_f',),
     begins={'omega_f': 'omega'},
+    linear=True,
 )  # fmt: skip
 
 
 def speed_sensor(omega: float, omega_f: float, lag: float) -> float:
     """Return what is added to the reading, in rad/s."""
-    return (omega_f - omega) * lag / (lag + 1e-9)
+    return (omega_f - omega) * lag / (lag + 1e-7)
 
 
 def rate(omega: float, omega_f: float, lag: float) -> float:
     """Rate of the filtered speed in rad/s^2."""
-    return (omega - omega_f) / (lag + 1e-9)
+    return (omega - omega_f) / (lag + 1e-7)
