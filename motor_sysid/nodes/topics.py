@@ -22,8 +22,13 @@ DEFAULT_SOURCES = (
     Source('current', topic='motor/current', type=VECTOR, field='vector.x'),
     Source('speed', topic='motor/speed', type=JOINT, field='velocity[0]'),
     Source('position', topic='motor/speed', type=JOINT, field='position[0]', optional=True),
+    *(
+        Source(f'{kind}_{axis}', topic=f'motor/{kind}', type=VECTOR, field=f'vector.{part}')
+        for kind in ('voltage', 'current')
+        for axis, part in ('ax', 'by', 'cz', 'dx', 'qy')
+    ),
 )
-"""The package's own topics."""
+"""The package's own topics; a vector carries x, or a, b, c, or d, q, as the motor kind asks."""
 
 OPTIONAL = frozenset({'position'})
 """Signals without which estimation goes on."""

@@ -104,7 +104,8 @@ def _messages(
         for frame, axes in (('dc', ('',)), ('abc', ('_a', '_b', '_c')), ('dq', ('_d', '_q'))):
             names = [kind + axis for axis in axes]
             if any(name in record for name in names) and not (phases and frame == 'dc'):
-                yield f'/motor/{kind}', VECTOR, _vectors(record, stamps, names, frame)
+                beside = '_dq' if phases and frame == 'dq' else ''
+                yield f'/motor/{kind}{beside}', VECTOR, _vectors(record, stamps, names, frame)
     if phases and ('voltage' in record or 'current' in record):
         yield '/motor/command', VECTOR, _vectors(record, stamps, ['voltage', 'current'], 'command')
     if 'speed' in record or 'position' in record:
