@@ -74,7 +74,7 @@ def to_abc(dq: ArrayLike, theta_e: ArrayLike) -> Array:
     return np.stack([alpha, side - alpha / 2, -side - alpha / 2], axis=-1)
 
 
-def electrical_angle(position: ArrayLike, pole_pairs: int, offset: float = 0.0) -> Array:
+def electrical_angle(position: ArrayLike, pole_pairs: float, offset: float = 0.0) -> Array:
     """Return ``pole_pairs position + offset`` in rad, not wrapped.
 
     Parameters
@@ -144,7 +144,7 @@ def phase_columns(record: Record, kind: str) -> Array:
     return np.stack([record[name] for name in names], axis=-1)
 
 
-def with_dq(record: Record, pole_pairs: int, offset: float = 0.0) -> Record:
+def with_dq(record: Record, pole_pairs: float, offset: float = 0.0) -> Record:
     """Return the record with `voltage_d`, `voltage_q`, `current_d`, `current_q` from its phases.
 
     Currents are turned by the angle at their sample, voltages, which act until the next sample,
