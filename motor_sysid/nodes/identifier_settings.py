@@ -66,12 +66,12 @@ class IdentifierSettings:
     refit_window: float = parameter(10.0, 'Length of data in a refit.', 's', 0.1, 1e4, live=True)
     refit_method: str = parameter(
         'pso',
-        'Swarm of the refit, which least squares polish, or these alone.',
+        'Optimizer of the refit, which least squares polish, or these alone.',
         '',
         choices=METHODS,
         live=True,
     )
-    refit_seed: int = parameter(0, 'Seed of the swarm.', '', 0, 2**31 - 1, live=True)
+    refit_seed: int = parameter(0, 'Seed of the optimizer.', '', 0, 2**31 - 1, live=True)
     diagnose_period: float = parameter(
         0.0, 'Diagnose after this much sample time; 0 for on request only.', 's', 0, 1e5, live=True
     )

@@ -1,7 +1,7 @@
-"""Refit a model on a stretch of data: a swarm for the basin, least squares for the digits.
+"""Refit a model on a stretch of data: an optimizer for the basin, least squares for the digits.
 
-A swarm alone, at the budget of the papers (30 members, 50 iterations), ends tens of percent from
-the optimum; least squares from its best member does not.
+A population alone, at the budget of the papers (30 members, 50 iterations), ends tens of percent
+from the optimum; least squares from its best member does not.
 """
 
 from collections.abc import Sequence
@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.chains import make_chain, observed_outputs
 from motor_sysid.estimation.batch.least_squares import fit, result_at, Solution
+from motor_sysid.estimation.batch.optimizers import Found, OPTIMIZERS, search
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
-from motor_sysid.estimation.batch.swarms import search, SWARMS
 from motor_sysid.estimation.batch.weighting import Weighting, white
 from motor_sysid.physics.effect import Amplitude
 from motor_sysid.physics.effects import effect
@@ -25,7 +25,7 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-METHODS = (*SWARMS, 'least_squares')
+METHODS = (*OPTIMIZERS, 'least_squares')
 """What `refit` can do."""
 
 _FACTOR = 8.0
@@ -58,11 +58,12 @@ def refit(
     records:
         Data; they are cut where samples are missing.
     method:
-        ``pso``, ``gwo`` or ``least_squares``.
+        Key of `OPTIMIZERS` (docs/optimizers.md), or ``least_squares``.
     population, iterations, seed:
-        Of the swarm.
+        Of the optimizer; the product of the first two is the largest number of its simulations.
     polish:
-        Whether least squares follow; without, the result is what the swarm found.
+        Whether least squares follow; without, the result is what the optimizer found, and the
+        walls of its box that it met are among the warnings.
     threads:
         Blocks of 32 simulations that may run at the same time.
 
@@ -83,11 +84,16 @@ def refit(
         return fit(problem)
     weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     rng = np.random.default_rng(seed)
-    z, cost, effort = _swarm(problem, weighting, pieces, method, population, iterations, rng)
+    found = _searched(problem, weighting, pieces, method, population, iterations, rng)
+    effort = found.evaluations
     if polish:
-        result = fit(problem, start=z)
+        result = fit(problem, start=found.x)
         return replace(result, simulations=result.simulations + effort)
-    return result_at(problem, weighting, Solution(z, cost, True, iterations, effort), effort, 0)
+    solution = Solution(found.x, found.cost, True, len(found.history), effort)
+    result = result_at(problem, weighting, solution, effort, 0)
+    return replace(
+        result, reason=found.reason, warnings=(*result.warnings, *_walls(problem, found))
+    )
 
 
 def _pieces(records: Sequence[Record]) -> list[Record]:
@@ -101,7 +107,7 @@ def _pieces(records: Sequence[Record]) -> list[Record]:
     return pieces
 
 
-def _swarm(
+def _searched(
     problem: Problem,
     weighting: Weighting,
     records: Sequence[Record],
@@ -109,14 +115,14 @@ def _swarm(
     population: int,
     iterations: int,
     rng: np.random.Generator,
-) -> tuple[Array, float, int]:
-    """Return the best vector of a swarm, its cost, and the number of simulations."""
+) -> Found:
+    """Return what an optimizer finds in the box around the problem's own vector."""
     start = problem.vector()
     lower, upper = _box(
         problem, scales_of(problem.model.motor, problem.model.parameters.values(), records)
     )
     near = problem.linearize(start, parameters=False)
-    found = search(
+    return search(
         lambda z: problem.costs(z, weighting, near),
         lower,
         upper,
@@ -126,7 +132,18 @@ def _swarm(
         rng=rng,
         start=start,
     )
-    return found.x, found.cost, found.evaluations
+
+
+def _walls(problem: Problem, found: Found) -> list[str]:
+    """Say which parameters ended on a wall of the box of the search."""
+    now = problem.values(found.x[np.newaxis, :])
+    held = [problem.free[k] for k in found.on_bound]
+    return [
+        f'{p.name} = {now[p.name][0]:.4g} {p.unit} sits on a wall of the box that was searched; '
+        'start from a value that is nearer, or let least squares follow (`polish`)'
+        for p in held
+        if not problem.model_at(found.x).parameters[p.name].on_bound
+    ]
 
 
 def _box(problem: Problem, scales: Scales) -> tuple[Array, Array]:
