@@ -15,6 +15,7 @@ angle from the q axis: theirs is ``theta_e + pi/2``, which is the classic mix-up
 """
 
 import math
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,7 +28,27 @@ Array = NDArray[np.float64]
 PHASES = ('a', 'b', 'c')
 SECTOR = math.pi / 3
 """Electrical angle of one Hall sector, rad."""
-_HALF_ROOT_3 = math.sqrt(3) / 2
+_ROOT_3 = math.sqrt(3)
+
+
+Scalar = TypeVar('Scalar', float, Array)
+
+
+def park(
+    a: Scalar, b: Scalar, c: Scalar, cos: Scalar, sin: Scalar
+) -> tuple[Scalar, Scalar]:
+    """Return d and q of three phases, given cosine and sine of ``theta_e``."""
+    alpha, beta = (2 * a - b - c) / 3, (b - c) / _ROOT_3
+    return alpha * cos + beta * sin, beta * cos - alpha * sin
+
+
+def inverse_park(
+    d: Scalar, q: Scalar, cos: Scalar, sin: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """Return the phases, of sum zero, of d and q, given cosine and sine of ``theta_e``."""
+    alpha, beta = d * cos - q * sin, d * sin + q * cos
+    side = 0.5 * _ROOT_3 * beta
+    return alpha, side - 0.5 * alpha, -side - 0.5 * alpha
 
 
 def to_dq(abc: ArrayLike, theta_e: ArrayLike) -> Array:
@@ -46,10 +67,8 @@ def to_dq(abc: ArrayLike, theta_e: ArrayLike) -> Array:
         (..., 2) d and q, in the unit of the phases.
     """
     x = np.asarray(abc, dtype=np.float64)
-    alpha = (2 * x[..., 0] - x[..., 1] - x[..., 2]) / 3
-    beta = (x[..., 1] - x[..., 2]) / math.sqrt(3)
     cos, sin = np.cos(theta_e), np.sin(theta_e)
-    return np.stack([alpha * cos + beta * sin, beta * cos - alpha * sin], axis=-1)
+    return np.stack(park(x[..., 0], x[..., 1], x[..., 2], cos, sin), axis=-1)
 
 
 def to_abc(dq: ArrayLike, theta_e: ArrayLike) -> Array:
@@ -68,10 +87,7 @@ def to_abc(dq: ArrayLike, theta_e: ArrayLike) -> Array:
         (..., 3) phases a, b, c.
     """
     x = np.asarray(dq, dtype=np.float64)
-    cos, sin = np.cos(theta_e), np.sin(theta_e)
-    alpha, beta = x[..., 0] * cos - x[..., 1] * sin, x[..., 0] * sin + x[..., 1] * cos
-    side = _HALF_ROOT_3 * beta
-    return np.stack([alpha, side - alpha / 2, -side - alpha / 2], axis=-1)
+    return np.stack(inverse_park(x[..., 0], x[..., 1], np.cos(theta_e), np.sin(theta_e)), axis=-1)
 
 
 def electrical_angle(position: ArrayLike, pole_pairs: float, offset: float = 0.0) -> Array:
