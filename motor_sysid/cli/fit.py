@@ -75,9 +75,11 @@ def rung_lines(model: 'object', reason: str) -> list[str]:
 
 def _document(rung: 'object') -> dict[str, object]:
     from motor_sysid.diagnosis.document import model_parameters
+    from motor_sysid.diagnosis.plain import number
     from motor_sysid.diagnosis.rung import Rung
 
     assert isinstance(rung, Rung)
+    told = rung.result.information
     return {
         'schema': 'motor_sysid/fit/1',
         'motor': rung.model.motor,
@@ -88,6 +90,12 @@ def _document(rung: 'object') -> dict[str, object]:
         'validation_error_percent': rung.validation.error_percent,
         'channel_errors_percent': dict(rung.validation.channel_percent),
         'parameters': model_parameters(rung.model),
+        'identifiability': {
+            'rank': told.rank,
+            'parameters': len(told.names),
+            'condition': number(told.condition),
+            'cramer_rao': dict(zip(told.names, map(number, told.bound), strict=True)),
+        },
         'unidentifiable': list(rung.result.unidentifiable),
         'warnings': list(rung.result.warnings),
     }

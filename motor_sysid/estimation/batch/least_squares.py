@@ -247,6 +247,7 @@ def result_at(
         predictions=tuple(predictions),
         covariance=spread.covariance,
         unidentifiable=spread.unidentifiable,
+        information=spread.information,
         warnings=_warnings(model),
         simulations=simulations,
         iterations=steps,

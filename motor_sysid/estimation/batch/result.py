@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.estimation.batch.information import Information
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.model import Model
 
@@ -34,6 +35,8 @@ class FitResult:
         (p, p) covariance of the free parameters, in their units.
     unidentifiable:
         Combinations that the data do not determine, in words; empty when all is well.
+    information:
+        Rank, condition and Cramer-Rao bound of the free parameters.
     warnings:
         Parameters on their bounds and the like, each with its remedy.
     simulations, iterations:
@@ -52,6 +55,7 @@ class FitResult:
     predictions: tuple[Array, ...]
     covariance: Array
     unidentifiable: tuple[str, ...]
+    information: Information
     warnings: tuple[str, ...]
     simulations: int
     iterations: int

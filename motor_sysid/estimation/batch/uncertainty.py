@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.estimation.batch.information import Information, of_curvature
 from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.weighting import Weighting
 
@@ -17,17 +18,25 @@ BLOCKS = 120
 VAGUE = 0.7
 """Relative standard deviation above which a positive parameter counts as undetermined."""
 
-SINGULAR = 1e-9
-"""Eigenvalue of the scaled curvature below which a combination counts as unseen."""
-
 
 @dataclass(frozen=True)
 class Spread:
-    """Spread of an estimate: sigma (p,), covariance (p, p), and what is undetermined, in words."""
+    """Spread of an estimate.
+
+    Attributes
+    ----------
+    sigma, covariance:
+        (p,) and (p, p), in the units of the parameters.
+    unidentifiable:
+        What is undetermined, in words.
+    information:
+        What an estimate could reach with white noise of the size that the weighting says.
+    """
 
     sigma: Array
     covariance: Array
     unidentifiable: tuple[str, ...]
+    information: Information
 
 
 def describe(
@@ -48,40 +57,33 @@ def describe(
         curvature += flat.T @ flat
         pieces = max(round(BLOCKS * len(one.residual) / total), 1)
         scores += [part.sum(axis=0) for part in np.array_split(flat * error, pieces)]
+    names, slope = [p.name for p in problem.free], problem.slope(z)
     if not np.all(np.isfinite(scores)):
         nothing = np.full(z.size, np.inf)
-        return Spread(nothing, np.diag(nothing), ('the model cannot be simulated',))
+        told = of_curvature(np.zeros((z.size, z.size)), names)
+        return Spread(nothing, np.diag(nothing), ('the model cannot be simulated',), told)
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
     pushed = np.array(scores) / size @ inverse / size
     count = len(scores)
     covariance = pushed.T @ pushed * count / max(count - z.size, 1)
-    slope = problem.slope(z)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     unseen = np.diag(curvature) <= 1e-12 * np.max(np.diag(curvature))
     sigma[unseen] = np.inf
-    words = _unidentifiable(problem, scaled, sigma, slope)
-    return Spread(sigma, covariance * np.outer(slope, slope), words)
+    told = of_curvature(curvature, names, slope)
+    words = (*told.words(), *_vague(problem, told.words(), sigma, slope))
+    return Spread(sigma, covariance * np.outer(slope, slope), words, told)
 
 
-def _unidentifiable(
-    problem: Problem, scaled: Array, sigma: Array, slope: Array
+def _vague(
+    problem: Problem, said: Sequence[str], sigma: Array, slope: Array
 ) -> tuple[str, ...]:
-    names = [p.name for p in problem.free]
+    """Say which parameters are hardly determined, where nothing was `said` of them yet."""
     words = []
-    values, vectors = np.linalg.eigh(scaled)
-    for value, vector in zip(values, vectors.T, strict=True):
-        if value < SINGULAR:
-            involved = [n for n, v in zip(names, vector, strict=True) if abs(v) > 0.2]
-            words.append(
-                f'these data see {", ".join(involved)} only in combination; fix one of them'
-                if len(involved) > 1
-                else f'these data hold no information on {involved[0]}; fix it'
-            )
     for p, s, unit_step in zip(problem.free, sigma, slope, strict=True):
         relative = s / abs(unit_step) if p.logarithmic else 0.0
-        if relative > VAGUE and not any(p.name in w for w in words):
+        if relative > VAGUE and not any(p.name in w for w in said):
             words.append(
                 f'{p.name} is hardly determined by these data '
                 f'(standard deviation {100 * relative:.0f} % of its value)'

@@ -1,0 +1,121 @@
+"""How far simulated values lie from measured ones, in the numbers that people use.
+
+With e = measured - simulated, y the measured values, and sample k standing for the time dt_k until
+the next one:
+
+    SSE = sum e^2                     MSE = SSE / N            RMSE = sqrt(MSE)
+    fit = 1 - |e| / |y - mean(y)|     R^2 = 1 - SSE / sum (y - mean(y))^2
+    IAE = sum |e_k| dt_k              ITAE = sum (t_k - t_0) |e_k| dt_k
+    MAPE = mean |e / y|               SMAPE = mean 2 |e| / (|y| + |simulated|)
+
+(Ljung 1999, section 16.4 for the fit; Graham and Lathrop 1953, doi:10.1109/TAI.1953.6371346, for
+the ITAE, an integral over time: a sum of |e| times the number of samples is not one.)
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.errors import UserError
+
+Array = NDArray[np.float64]
+
+SMALL = 0.01
+"""Share of the RMS of the measured values under which no relative error is taken."""
+
+
+@dataclass(frozen=True)
+class Metrics:
+    """Errors of one signal; in its unit, with seconds for the integrals.
+
+    Attributes
+    ----------
+    samples:
+        Samples in which both values are known.
+    sse, mse, rmse, largest:
+        Sum and mean of squares, its root, and the largest absolute error.
+    fit_percent:
+        100 for equal signals, 0 for the mean of the measured values; NaN if those are constant.
+    r2:
+        Explained share of the variance; NaN if the measured values are constant.
+    iae, itae:
+        Integral of the absolute error, in unit s, and of time since `t_0` times it, in unit s².
+    mape_percent, smape_percent:
+        Mean relative errors over the samples that are not close to zero; NaN if none is.
+    ignored_percent:
+        Samples that were too close to zero for a relative error.
+    """
+
+    samples: int
+    sse: float
+    mse: float
+    rmse: float
+    largest: float
+    fit_percent: float
+    r2: float
+    iae: float
+    itae: float
+    mape_percent: float
+    smape_percent: float
+    ignored_percent: float
+
+
+def metrics(
+    measured: Array, simulated: Array, time: Array, *, begin: float | None = None
+) -> Metrics:
+    """Compare two signals.
+
+    Parameters
+    ----------
+    measured, simulated:
+        (N,) in one unit; samples that are NaN in either are left out.
+    time:
+        (N,) strictly increasing, s.
+    begin:
+        Where the time in the ITAE counts from, s; by default ``time[0]``.
+
+    Raises
+    ------
+    UserError
+        If lengths differ, time does not increase, or fewer than two samples are known.
+    """
+    if not measured.shape == simulated.shape == time.shape or np.any(np.diff(time) <= 0):
+        raise UserError(
+            f'measured {measured.shape}, simulated {simulated.shape} and time {time.shape} must '
+            'be of one length, and time must increase'
+        )
+    known = np.isfinite(measured) & np.isfinite(simulated)
+    if np.count_nonzero(known) < 2:
+        raise UserError('fewer than two samples are known in both signals; there is no error')
+    widths = np.diff(time, append=2 * time[-1] - time[-2])[known]
+    y, guess = measured[known], simulated[known]
+    late = (time - (time[0] if begin is None else begin))[known]
+    error = np.abs(y - guess)
+    sse, spread = float(error @ error), float(np.sum((y - y.mean()) ** 2))
+    mape, smape, ignored = _relative(error, y, guess)
+    return Metrics(
+        samples=y.size,
+        sse=sse,
+        mse=sse / y.size,
+        rmse=float(np.sqrt(sse / y.size)),
+        largest=float(error.max()),
+        fit_percent=float(100 * (1 - np.sqrt(sse / spread))) if spread else float('nan'),
+        r2=1 - sse / spread if spread else float('nan'),
+        iae=float(error @ widths),
+        itae=float((late * error) @ widths),
+        mape_percent=mape,
+        smape_percent=smape,
+        ignored_percent=ignored,
+    )
+
+
+def _relative(error: Array, y: Array, guess: Array) -> tuple[float, float, float]:
+    """Return MAPE, SMAPE and the samples that were ignored, in percent."""
+    size = float(np.sqrt(np.mean(y**2)))
+    good = np.abs(y) > SMALL * size
+    ignored = 100.0 * float(np.mean(~good))
+    if not np.any(good):
+        return float('nan'), float('nan'), ignored
+    e, a, b = error[good], np.abs(y[good]), np.abs(guess[good])
+    return 100 * float(np.mean(e / a)), 100 * float(np.mean(2 * e / (a + b))), ignored
