@@ -1,0 +1,128 @@
+"""The data doctor on three phases: good records pass, and each usual mistake is named."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from motor_sysid.benchmark.machine import BLDC_SHEETS, Bridge, PMSM_SHEETS
+from motor_sysid.benchmark.three_phase_drive import (
+    phase_record,
+    PhaseSensors,
+    run_drive,
+    ThreePhaseDrive,
+)
+from motor_sysid.control.foc import CurrentLoop, speed_gains
+from motor_sysid.control.profile import Profile
+from motor_sysid.control.six_step import SixStepLoop
+from motor_sysid.signals import Finding, Record
+from motor_sysid.signals.doctor import examine
+from motor_sysid.signals.phases import with_dq
+
+Spoil = Callable[[Record], Record]
+SENSORS = PhaseSensors(offsets=(0.01, -0.01, 0.005))
+
+
+def recorded(kind: str) -> Record:
+    """Return a record of a few seconds in closed loop, with friction and dead time."""
+    sheet = (PMSM_SHEETS if kind == 'pmsm' else BLDC_SHEETS)[0]
+    m = sheet.machine._replace(J=4 * sheet.machine.J, tau_c=2e-3)
+    if kind == 'pmsm':
+        psi_f = m.k_e / m.pole_pairs
+        loop, k_t, dt, top = CurrentLoop(m.R, m.L_d, m.L_q, psi_f, 1500.0), 1.5 * m.k_e, 1e-3, 90
+    else:
+        loop = SixStepLoop(m.R, m.L_d, m.k_e, 1500.0, sheet.current)
+        k_t, dt, top = 2 * m.k_e, 2e-4, 60
+    speed = speed_gains(m.J, k_t, 40.0, sheet.current)
+    drive = ThreePhaseDrive(
+        Bridge(sheet.supply, 0.2), loop, speed, control_dt=2e-4, sensors=SENSORS
+    )
+    reference = Profile('mixed', top, 3.0).sampled(dt)
+    run = run_drive(m, drive, reference, dt, np.random.default_rng(0))
+    return phase_record(run, m.pole_pairs, ['speed_reference', 'hall_sector'])
+
+
+PMSM, BLDC = recorded('pmsm'), recorded('bldc')
+
+
+def found(record: Record) -> dict[str, Finding]:
+    return {f.code: f for f in examine(record) if f.severity != 'info'}
+
+
+@pytest.mark.parametrize('record', [PMSM, BLDC], ids=['pmsm', 'bldc'])
+def test_good_phases_pass_and_tell_pole_pairs_and_offset(record: Record) -> None:
+    assert found(record) == {}
+    told = next(f for f in examine(record) if f.code == 'electrical_angle').numbers
+    assert told['pole_pairs'] == (4 if record is PMSM else 8)
+    assert told['offset_rad'] == pytest.approx(0, abs=0.06)
+
+
+def test_a_turned_encoder_disc_is_read_from_the_back_emf() -> None:
+    record = PMSM.with_signal('position', PMSM['position'] + 0.25, 'rad')
+    phases = record.select([name for name in record if name[-2:] not in ('_d', '_q')])
+    told = next(f for f in examine(phases) if f.code == 'electrical_angle')
+    assert told.numbers['offset_rad'] == pytest.approx(-4 * 0.25, abs=0.06)
+    assert 'with_dq(record, 4, -' in told.remedy
+    mended = with_dq(phases, 4, told.numbers['offset_rad'])
+    assert np.allclose(mended['current_q'], PMSM['current_q'], atol=0.1)
+
+
+def changed(name: str, change: Callable[[np.ndarray], np.ndarray]) -> Spoil:
+    return lambda r: r.with_signal(name, change(r[name].copy()), r.units[name])
+
+
+def swapped_phases(r: Record) -> Record:
+    for kind in ('voltage', 'current'):
+        b, c = r[f'{kind}_b'], r[f'{kind}_c']
+        unit = r.units[f'{kind}_b']
+        r = r.with_signal(f'{kind}_b', c, unit).with_signal(f'{kind}_c', b, unit)
+    return r
+
+
+def turned_frame(angle: float) -> Spoil:
+    return lambda r: with_dq(r, 4, angle)
+
+
+SPOILT: dict[str, tuple[str, str, str, Spoil]] = {
+    'phases b and c swapped': ('phase_order', 'error', 'swap two phases', swapped_phases),
+    'position backward': ('position_sign', 'error', 'sign: -1', changed('position', np.negative)),
+    'gear before the encoder': (
+        'pole_pairs', 'warning', 'gear_ratio', lambda r: r.with_signal(
+            'position', r['position'] * 1.6, 'rad').with_signal('speed', r['speed'] * 1.6, 'rad/s')
+    ),
+    'current sensor b the wrong way round': (
+        'current_sum', 'error', 'sign: -1` for current_b', changed('current_b', np.negative)
+    ),
+    'current of another motor': (
+        'current_sum', 'error', 'leave the third one out', changed('current_c', lambda x: x[::-1])
+    ),
+    'offset of a current sensor': (
+        'current_sum', 'warning', 'offset:', changed('current_a', lambda x: x + 0.3)
+    ),
+    'angle from the q axis': (
+        'electrical_offset', 'error', 'd lies on', turned_frame(np.pi / 2)
+    ),
+    'half a turn off': ('electrical_offset', 'error', 'd lies on', turned_frame(np.pi)),
+    'offset not calibrated': ('electrical_offset', 'error', 'd lies on', turned_frame(0.8)),
+    'far too slow': (
+        'phase_rate', 'warning', 'record faster', lambda r: r.uniform(4e-3)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize('name', SPOILT)
+def test_mistakes_are_named_with_their_remedy(name: str) -> None:
+    code, severity, remedy, spoil = SPOILT[name]
+    findings = found(spoil(PMSM))
+    assert code in findings, list(findings)
+    assert findings[code].severity == severity
+    assert remedy in findings[code].remedy
+    assert findings[code].consequence
+
+
+def test_the_classic_mix_up_is_called_by_its_name_and_its_angle_is_right() -> None:
+    finding = found(turned_frame(np.pi / 2)(PMSM))['electrical_offset']
+    assert 'counted from the q axis' in finding.message
+    mended = np.pi / 2 + finding.numbers['error_rad']
+    assert mended == pytest.approx(0, abs=0.06)
+    assert 'half a turn' in found(turned_frame(np.pi)(PMSM))['electrical_offset'].message
