@@ -22,7 +22,7 @@ CARD = Card(
     shapes=(
         Shape(
             'w_a', 'rad/s', 'antiresonance', Scale.RATE,
-            (0.015, 0.025, 0.04, 0.065, 0.1, 0.16, 0.26, 0.4), 0.003, 1.2,
+            (0.015, 0.025, 0.04, 0.065, 0.1, 0.16, 0.26, 0.4, 0.65, 1.0, 1.6), 0.003, 3.0,
         ),
         Shape('z', '1', 'damping ratio of the shaft', Scale.ONE, (0.05,), 1e-4, 2.0),
     ),
