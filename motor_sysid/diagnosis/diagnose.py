@@ -27,6 +27,7 @@ from motor_sysid.diagnosis.rung import (
     Rung,
     slopes,
     vanished,
+    with_better_sensor,
 )
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
@@ -44,6 +45,10 @@ Progress = Callable[[str], None]
 BEYOND_DOUBT = 100.0
 """Squared number of standard errors, in units of the evidence asked for, from which on an effect
 is kept without a fit that lacks it."""
+
+SPOILED = 1.02
+"""Held-out error after the full fit of a winner, over that after its trial, from which on the
+trial counts: the fit ran off along what the training data do not tell."""
 
 MIN_SAMPLES = 200
 
@@ -156,7 +161,7 @@ class _Engine:
         rivals: dict[str, tuple[str, ...]] = {}
         start, reconsidered = rung.model.effects, False
         while True:
-            trials = self.round(rung)
+            rung, trials = self.round(rung)
             ladder.append((rung, trials))
             passing = [t for t in trials if t.passes]
             if len(ladder) > self.settings.max_effects:
@@ -177,7 +182,8 @@ class _Engine:
                 f'{winner.rung.validation.error_percent:.3g} %'
             )
             best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
-            best = winner.rung if vanished(best.model, winner.key) else best
+            worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
+            best = winner.rung if worse or vanished(best.model, winner.key) else best
             rung, self.bench = refined(self.prune(best), self.bench)
         last, trials = ladder[-1]
         own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
@@ -191,11 +197,14 @@ class _Engine:
             )
         return self.conclude(ladder, rivals, doubted=len(doubted) == len(own) > 0)
 
-    def round(self, rung: Rung) -> list[Trial]:
-        """Score every candidate, refit the best, and return them with their evidence."""
-        return refitted(
-            self.score(rung), rung, self.bench, self.settings.refits, self.tell
-        )
+    def round(self, rung: Rung) -> tuple[Rung, list[Trial]]:
+        """Score every candidate and refit the best; return what they were added to, and them."""
+        scores = self.score(rung)
+        better = with_better_sensor(rung, self.bench, scores.weighting)
+        if better is not rung:
+            self.tell(f'the speed sensor is a {better.model.speed_sensor.value} one')
+            rung, scores = better, self.score(better)
+        return rung, refitted(scores, rung, self.bench, self.settings.refits, self.tell)
 
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""

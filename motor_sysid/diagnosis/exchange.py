@@ -15,7 +15,7 @@ from motor_sysid.diagnosis.refit import (
     try_pair,
 )
 from motor_sysid.diagnosis.rounds import WORKERS
-from motor_sysid.diagnosis.rung import climb, gain_in_bic, profile_cost, Rung
+from motor_sysid.diagnosis.rung import climb, gain_in_bic, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.verdict import RIVAL_BIC, RIVAL_SHARE
@@ -123,7 +123,11 @@ class Exchange:
                 ),
                 [one for one in tried if one[1] > near],
             )
-            tried = list(fits)
+            tried = [
+                one
+                for one in fits
+                if not any(vanished(one[0].model, part.variant.effect.key) for part in one[2])
+            ]
         tried.sort(key=lambda one: -one[1])
         if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
             return None

@@ -9,6 +9,8 @@ from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.diagnosis.rung import Rung, vanished
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.estimation.batch import Weighting
+from motor_sysid.physics.effect import Effect, Scale
+from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
@@ -20,6 +22,10 @@ every further one, for what the first does not fit to the last detail looks like
 MIN_CERTAIN_GAIN_PERCENT = 0.5
 """The same for a further effect whose gain is beyond doubt: no law is exact to the last detail,
 and enough data show it."""
+
+MIN_WIDER_GAIN_PERCENT = 2.0
+"""The same where the effect widens one that the model has: two extra parameters of a friction
+law first of all make up for what the narrower law has not right to the last detail."""
 
 UNPHYSICAL = 'unphysical sign'
 
@@ -76,6 +82,18 @@ def _steadiness(gains: Array) -> float:
     return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
+def _at_limit(model: Model, one: Effect) -> str:
+    """Return a ratio among the effect's shapes that lies on its upper bound, or nothing.
+
+    Times, speeds and angles are bounded by what the records show; a ratio by what it means.
+    """
+    for shape in one.card.shapes:
+        p = model.parameters[f'{one.key}.{shape.name}']
+        if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
+            return f'{shape.name} ({shape.description})'
+    return ''
+
+
 def gate_note(
     scored: Scored,
     new: Rung,
@@ -111,8 +129,11 @@ def gate_note(
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
+    if limit := _at_limit(new.model, scored.variant.effect):
+        return f'{limit} is at the limit of what makes sense'
     further = bool(old.model.effects)
-    if certain and gain > (MIN_CERTAIN_GAIN_PERCENT if further else -MIN_GAIN_PERCENT):
+    least = MIN_CERTAIN_GAIN_PERCENT if further else -MIN_GAIN_PERCENT
+    if certain and gain > (MIN_WIDER_GAIN_PERCENT if scored.variant.inherits else least):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'

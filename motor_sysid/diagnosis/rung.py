@@ -200,6 +200,21 @@ def gain_in_bic(before: Rung, after: Rung, bench: Bench, weighting: Weighting) -
     return old - new - extra * float(np.log(rows))
 
 
+def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
+    """Return the fit with the speed sensor that the data like better under this noise model.
+
+    An effect could otherwise win by the sensor that was tried with it.
+    """
+    best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
+    for sensor in bench.sensors:
+        if sensor is not rung.model.speed_sensor:
+            other = climb(replace(rung.model, speed_sensor=sensor), bench, weighting)
+            cost = profile_cost(other, bench, weighting)[0]
+            if cost < least and np.isfinite(other.held.error_percent):
+                best, least = other, cost
+    return best
+
+
 def vanished(model: Model, key: str) -> bool:
     """Whether a fit has taken an effect of one sign to nothing."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes if a.positive]
