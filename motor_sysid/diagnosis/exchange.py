@@ -9,13 +9,14 @@ from dataclasses import dataclass
 
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
+    Level,
     settled_pair,
     Trial,
     try_effect,
     try_pair,
 )
 from motor_sysid.diagnosis.rounds import WORKERS
-from motor_sysid.diagnosis.rung import climb, gain_in_bic, profile_cost, Rung, vanished
+from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.verdict import RIVAL_BIC, RIVAL_SHARE
@@ -75,16 +76,17 @@ class Exchange:
             return None
         for key in doubtful:
             slim, scores = self.without(rung, key)
-            mine = gain_in_bic(slim, rung, self.bench, scores.weighting)
+            level = Level.of(slim, self.bench, scores.weighting)
+            mine = level.gain(rung, self.bench)
             if len(own) > 1:
-                for trial in self.substitutes(key, slim, scores, mine):
+                for trial in self.substitutes(key, level, scores, mine):
                     if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
                         self.tell(f'{trial.key} does better than {key}')
                         self.gains[trial.key] = trial.delta_bic
                         return climb(trial.rung.model, self.bench, rung.result.weighting)
                     if trial.key not in rivals.get(key, ()):
                         rivals[key] = (*rivals.get(key, ()), trial.key)
-            better = self.best_pair(key, slim, scores, mine, rivals)
+            better = self.best_pair(key, level, scores, mine, rivals)
             if better is not None and better.held.error_percent < rung.held.error_percent:
                 return climb(better.model, self.bench, rung.result.weighting)
         return None
@@ -98,7 +100,12 @@ class Exchange:
         return self.seen[left]
 
     def best_pair(
-        self, key: str, slim: Rung, scores: Scores, gain: float, rivals: dict[str, tuple[str, ...]]
+        self,
+        key: str,
+        level: Level,
+        scores: Scores,
+        gain: float,
+        rivals: dict[str, tuple[str, ...]],
     ) -> Rung | None:
         """Return the pair of effects that does better than one, if there is one.
 
@@ -112,15 +119,11 @@ class Exchange:
             if pair[0].gain > ALTERNATIVE * gain and not any(one.variant.inherits for one in pair)
         ]
         with ThreadPoolExecutor(WORKERS) as pool:
-            rough = pool.map(
-                lambda pair: try_pair(pair, slim, self.bench, scores.weighting), worth
-            )
+            rough = pool.map(lambda pair: try_pair(pair, level, self.bench), worth)
             tried = [(*fitted, pair) for fitted, pair in zip(rough, worth, strict=True)]
             near = max(PROMISING * max((one[1] for one in tried), default=0.0), gain)
             fits = pool.map(
-                lambda one: (
-                    *settled_pair(one[0], slim, self.bench, scores.weighting), one[2]
-                ),
+                lambda one: (*settled_pair(one[0], level, self.bench), one[2]),
                 [one for one in tried if one[1] > near],
             )
             tried = [
@@ -142,7 +145,7 @@ class Exchange:
         return tried[0][0]
 
     def substitutes(
-        self, key: str, slim: Rung, scores: Scores, gain: float
+        self, key: str, level: Level, scores: Scores, gain: float
     ) -> Iterator[Trial]:
         """Yield what explains the data as well as an effect that was taken out, or better."""
         related = {key, *effect(key).card.generalises}
@@ -151,6 +154,6 @@ class Exchange:
             if key not in starts[0].variant.effect.card.generalises and (
                 starts[0].delta_bic > ALTERNATIVE * gain
             ):
-                trial = try_effect(starts, slim, self.bench, scores.weighting)
+                trial = try_effect(starts, level, self.bench)
                 if trial.passes and trial.delta_bic > gain - RIVAL_BIC:
                     yield trial

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
 from motor_sysid.diagnosis.drawn import Where
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, Trial, try_effect
+from motor_sysid.diagnosis.refit import best_per_effect, Level, Trial, try_effect
 from motor_sysid.diagnosis.rung import climb, Rung
 from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
@@ -112,4 +112,5 @@ def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
             'or no order, frequency or moment stands out of the data'
         )
     scores = score(problem, problem.vector(), found, near)
-    return try_effect(best_per_effect(scores.singles, 1)[0], rung, bench, scores.weighting)
+    level = Level.of(rung, bench, scores.weighting)
+    return try_effect(best_per_effect(scores.singles, 1)[0], level, bench)

@@ -42,6 +42,11 @@ MIN_SHARE, MIN_FURTHER_SHARE = 0.1, 0.5
 """Share of all that the whole dictionary could still explain, which such a small effect must
 explain alone: the first one, and further ones, which may be the misfit of the first."""
 
+DEEP, DEEP_SHARE = 2.0, 0.8
+"""Whitened variance, in units of the noise, that no misfit of a law leaves, and the share of what
+is beyond the noise that an effect takes away, for it to be believed however little it lowers an
+error that is nearly all noise."""
+
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""
 
@@ -102,6 +107,7 @@ def gate_note(
     gain: float,
     steady: float,
     certain: bool,
+    deep: bool,
     threshold: float,
 ) -> str:
     """Return why a refit does not pass, in plain words; empty where it does.
@@ -120,6 +126,8 @@ def gate_note(
         Steadiness of that decrease; see `MIN_STEADY`.
     certain:
         Whether the whitened held-out error falls beyond doubt.
+    deep:
+        Whether, more than that, it was far above the noise and comes near it; see `DEEP`.
     """
     key = scored.variant.effect.key
     if vanished(new.model, key):
@@ -132,7 +140,7 @@ def gate_note(
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
     further = bool(old.model.effects)
-    least = MIN_CERTAIN_GAIN_PERCENT if further else -MIN_GAIN_PERCENT
+    least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
     if certain and gain > (MIN_WIDER_GAIN_PERCENT if scored.variant.inherits else least):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):

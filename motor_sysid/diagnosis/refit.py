@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.gate import (
     combined_error,
+    DEEP,
+    DEEP_SHARE,
     gate_note,
     is_certain,
     MIN_FURTHER_SHARE,
@@ -16,7 +18,7 @@ from motor_sysid.diagnosis.gate import (
     UNPHYSICAL,
 )
 from motor_sysid.diagnosis.matched import TOP_ORDER
-from motor_sysid.diagnosis.rung import climb, gain_in_bic, judge, profile_cost, Rung
+from motor_sysid.diagnosis.rung import climb, judge, profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
@@ -91,17 +93,50 @@ class Trial:
         return not self.note
 
 
-def try_effect(
-    starts: Sequence[Scored], rung: Rung, bench: Bench, weighting: Weighting
-) -> Trial:
+@dataclass(frozen=True)
+class Level:
+    """What a refit is compared with: the model without the effect, under the same noise model.
+
+    Attributes
+    ----------
+    rung:
+        The fitted model.
+    weighting:
+        The noise model that the whole dictionary leaves on it.
+    cost, rows:
+        Least whitened sum of squares of the model under that noise model, and its rows.  The model
+        was fitted under a noise model of its own, which more must not be counted for an effect.
+    """
+
+    rung: Rung
+    weighting: Weighting
+    cost: float
+    rows: int
+
+    @classmethod
+    def of(cls, rung: Rung, bench: Bench, weighting: Weighting) -> 'Level':
+        """Take the level of a fitted model."""
+        near = slopes(rung, bench)
+        again = climb(rung.model, bench, weighting, briefly=True, near=near)
+        costs = [profile_cost(one, bench, weighting) for one in (rung, again)]
+        cost = min(cost if np.isfinite(cost) else np.inf for cost, _ in costs)
+        return cls(rung, weighting, cost, costs[0][1])
+
+    def gain(self, new: Rung, bench: Bench) -> float:
+        """Return the gain in BIC of a fitted model with more parameters."""
+        extra = len(new.model.parameters.free) - len(self.rung.model.parameters.free)
+        after, _ = profile_cost(new, bench, self.weighting)
+        return self.cost - after - extra * float(np.log(self.rows))
+
+
+def try_effect(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     """Refit an effect from its best variants and keep the best refit."""
-    return settled(try_roughly(starts, rung, bench, weighting), rung, bench, weighting)
+    return settled(try_roughly(starts, level, bench), level, bench)
 
 
-def try_roughly(
-    starts: Sequence[Scored], rung: Rung, bench: Bench, weighting: Weighting
-) -> Trial:
+def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all."""
+    rung = level.rung
     most = max(one.gain for one in starts)
     possible = [one for one in starts if one.gain >= WORTH * most and not _impossible(one)]
     if not possible:
@@ -122,16 +157,16 @@ def try_roughly(
             fits.append(begun(one, replace(model, speed_sensor=sensor)))
     one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
     rough = _rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
-    return _judged(one, _standing(rough, bench), rung, bench, weighting)
+    return _judged(one, _standing(rough, bench), level, bench)
 
 
-def settled(trial: Trial, rung: Rung, bench: Bench, weighting: Weighting) -> Trial:
+def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
     """Fit a trial that was judged after a rough fit to all of the data."""
-    if trial.rung is rung:
+    if trial.rung is level.rung:
         return trial
     rough = trial.rung
     new = climb(rough.model, bench, rough.result.weighting, briefly=True, near=rough.near)
-    return _judged(trial.scored, replace(new, near=()), rung, bench, weighting, new.near)
+    return _judged(trial.scored, replace(new, near=()), level, bench, new.near)
 
 
 def _rough_fit(model: Model, weighting: Weighting, bench: Bench, steps: int) -> FitResult:
@@ -159,50 +194,49 @@ def _lasts(one: Effect) -> bool:
 
 
 def try_pair(
-    pair: tuple[Scored, Scored], rung: Rung, bench: Bench, weighting: Weighting
+    pair: tuple[Scored, Scored], level: Level, bench: Bench
 ) -> tuple[Rung, float]:
     """Fit two effects together to some of the data; return the fit and its gain in BIC on all."""
     first, second = pair
     other = second.variant
     tried = first.variant.model.with_effect(other.effect.key, other.values, bench.scales)
     fixed = tried.with_free([f'{other.effect.key}.{name}' for name in other.values], free=False)
-    model = _opened(_opened(fixed, rung.model, first), rung.model, second)
-    new = _standing(_rough_fit(model, rung.result.weighting, bench, ROUGH_STEPS), bench)
+    base = level.rung
+    model = _opened(_opened(fixed, base.model, first), base.model, second)
+    new = _standing(_rough_fit(model, base.result.weighting, bench, ROUGH_STEPS), bench)
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return new, -np.inf
-    return new, gain_in_bic(rung, new, bench, weighting)
+    return new, level.gain(new, bench)
 
 
-def settled_pair(
-    new: Rung, rung: Rung, bench: Bench, weighting: Weighting
-) -> tuple[Rung, float]:
+def settled_pair(new: Rung, level: Level, bench: Bench) -> tuple[Rung, float]:
     """Fit a pair to all of the data; return the fit and its gain in BIC."""
     new = climb(new.model, bench, new.result.weighting, briefly=True, near=new.near)
-    return new, gain_in_bic(rung, new, bench, weighting)
+    return new, level.gain(new, bench)
 
 
 def _judged(
     scored: Scored,
     new: Rung,
-    rung: Rung,
+    level: Level,
     bench: Bench,
-    weighting: Weighting,
     near: Sequence[Linearization] = (),
 ) -> Trial:
     """Pass a refit through the gates; `near` if the refit does not hold its own."""
+    rung, rows = level.rung, level.rows
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
-    before, rows = profile_cost(rung, bench, weighting)
-    after, _ = profile_cost(replace(new, near=tuple(near)) if near else new, bench, weighting)
-    extra = len(new.model.parameters.free) - len(rung.model.parameters.free)
-    delta = before - after - extra * float(np.log(rows))
+    kept = replace(new, near=tuple(near)) if near else new
+    after, _ = profile_cost(kept, bench, level.weighting)
+    delta = level.gain(kept, bench)
     delta -= searching(scored.variant.effect, rows // len(bench.outputs))
     gain = 100 * (1 - combined_error(new.held, rung.held))
     steady = steadiness(rung.held, new.held)
-    share = (before - after) / max(before - rows, 1e-300)
+    share = (level.cost - after) / max(level.cost - rows, 1e-300)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
-    certain = small and is_certain(rung.held, new.held, weighting)
-    note = gate_note(scored, new, rung, delta, gain, steady, certain, bench.threshold)
+    certain = small and is_certain(rung.held, new.held, level.weighting)
+    deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
+    note = gate_note(scored, new, rung, delta, gain, steady, certain, deep, bench.threshold)
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from motor_sysid.diagnosis.gate import ALIKE
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, settled, Trial, try_roughly
+from motor_sysid.diagnosis.refit import best_per_effect, Level, settled, Trial, try_roughly
 from motor_sysid.diagnosis.rung import Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
@@ -59,12 +59,14 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
             chosen.append(starts)
     tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
 
+    level = Level.of(rung, bench, scores.weighting)
+
     def roughly(starts: Sequence[Scored]) -> Trial:
-        return try_roughly(starts, rung, bench, scores.weighting)
+        return try_roughly(starts, level, bench)
 
     def finally_(trial: Trial) -> Trial:
         if contends(trial):
-            return settled(trial, rung, bench, scores.weighting)
+            return settled(trial, level, bench)
         return trial if trial.rung is rung else replace(trial, rung=replace(trial.rung, near=()))
 
     def contends(trial: Trial) -> bool:

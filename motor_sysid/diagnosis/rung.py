@@ -192,14 +192,6 @@ def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float,
     return cost - float(step @ (gradient / scale)), rows
 
 
-def gain_in_bic(before: Rung, after: Rung, bench: Bench, weighting: Weighting) -> float:
-    """Return the gain in BIC from one fitted model to another one with more parameters."""
-    old, rows = profile_cost(before, bench, weighting)
-    new, _ = profile_cost(after, bench, weighting)
-    extra = len(after.model.parameters.free) - len(before.model.parameters.free)
-    return old - new - extra * float(np.log(rows))
-
-
 def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     """Return the fit with the speed sensor that the data like better under this noise model.
 
