@@ -25,7 +25,7 @@ is there leaves little to others, and a wrong neighbour of it leaves much."""
 NEARLY_ALL = 0.95
 """Share of the squared error beyond sensor noise above which the only effect is not doubted."""
 
-EXPLAINED = 0.75
+EXPLAINED = 0.9
 """Share of the squared error beyond sensor noise that what is named must explain, where something
 predictable remains."""
 
