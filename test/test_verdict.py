@@ -144,10 +144,10 @@ def test_what_was_added_is_missing_and_a_rival_makes_it_ambiguous():
     assert verdict(rung(10.0), rung(1.05), rivals=somebody) is Verdict.AMBIGUOUS
 
 
-@pytest.mark.parametrize(('after', 'said'), [(6.0, Verdict.UNKNOWN_EFFECT),
-                                             (4.0, Verdict.EFFECT_MISSING)])  # fmt: skip
-def test_where_something_remains_what_is_named_must_explain_three_quarters(after, said):
-    """Of the squared error beyond noise: (100 - 36) / 99 and (100 - 16) / 99."""
+@pytest.mark.parametrize(('after', 'said'), [(4.0, Verdict.UNKNOWN_EFFECT),
+                                             (3.0, Verdict.EFFECT_MISSING)])  # fmt: skip
+def test_where_something_remains_what_is_named_must_explain_nine_tenths(after, said):
+    """Of the squared error beyond noise: (100 - 16) / 99 and (100 - 9) / 99."""
     assert verdict(rung(10.0), rung(after), left=LEFT) is said
     assert verdict(rung(10.0), rung(after)) is Verdict.EFFECT_MISSING
 

@@ -1,0 +1,107 @@
+"""What an effect must not gain by: a noise model, a sensor, a law that is pushed to its limit."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis.gate import gate_note
+from motor_sysid.diagnosis.refit import Level
+from motor_sysid.diagnosis.rung import climb, profile_cost, with_better_sensor
+from motor_sysid.diagnosis.setup import base_fit, make_bench, with_scales
+from motor_sysid.estimation.batch import coloured
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor
+from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.scales import scales_of
+from motor_sysid.signals.record import Record
+
+MOTOR = {'R': 1.2, 'L': 1.5e-3, 'k_t': 0.055, 'J': 8e-5, 'b': 3e-5}
+
+
+def fitted(*, differenced: bool):
+    """Return the bench and the fit of a linear motor; speed is shown or differenced."""
+    t = 1e-3 * np.arange(4000)
+    rng = np.random.default_rng(2)
+    volts = np.repeat(rng.uniform(-12, 12, 80), 50)
+    drive = Record(t, {'voltage': volts}, {'voltage': 'V'})
+    run = simulate(Model.base('brushed_dc', MOTOR), drive)
+    angle = run.outputs['position']
+    speed = np.diff(angle, prepend=angle[0]) / 1e-3 if differenced else run.outputs['speed']
+    columns = {
+        'voltage': volts,
+        'current': run.outputs['current'] + 0.02 * rng.standard_normal(t.size),
+        'speed': speed + 0.3 * rng.standard_normal(t.size),
+    }
+    record = Record(t, columns, {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'})
+    kind = motor('brushed_dc')
+    bench = make_bench([record], [], kind)
+    base = base_fit([record], kind, bench.train, bench.outputs, {}).model
+    bench = with_scales(bench, base)
+    return bench, climb(base, bench)
+
+
+def noise_model(rung):
+    """Return one that differs from the fit's own: as if the dictionary left other noise."""
+    return coloured([part - 0.9 * np.roll(part, 1, axis=0) for part in rung.training.residuals], 8)
+
+
+def test_a_noise_model_is_not_counted_for_an_effect():
+    bench, rung = fitted(differenced=False)
+    weighting = noise_model(rung)
+    level = Level.of(rung, bench, weighting)
+    assert level.cost <= profile_cost(rung, bench, weighting)[0]
+    # The same model with one parameter that does nothing gains nothing, however it is fitted.
+    again = climb(rung.model, bench, weighting)
+    assert level.gain(again, bench) < 0.01 * bench.threshold
+
+
+@pytest.mark.parametrize('differenced', [True, False])
+def test_the_wrong_speed_sensor_is_found_out(differenced):
+    bench, rung = fitted(differenced=differenced)
+    right = SpeedSensor.DIFFERENCE if differenced else SpeedSensor.IDEAL
+    other = SpeedSensor.IDEAL if differenced else SpeedSensor.DIFFERENCE
+    assert rung.model.speed_sensor is right
+    wrong = climb(replace(rung.model, speed_sensor=other), bench)
+    assert with_better_sensor(wrong, bench, rung.result.weighting).model.speed_sensor is right
+    assert with_better_sensor(rung, bench, rung.result.weighting) is rung
+
+
+def note(model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True):
+    old = SimpleNamespace(model=SimpleNamespace(effects=('cogging_torque',) if further else ()))
+    variant = SimpleNamespace(effect=effect(key), inherits=inherits)
+    scored = SimpleNamespace(variant=variant, overlap=0.0)
+    new = SimpleNamespace(model=model)
+    return gate_note(scored, new, old, 1000.0, gain, 1.0, certain, deep, 20.0)
+
+
+def with_effect(key, values):
+    t = 1e-3 * np.arange(1000)
+    wave = np.sin(9 * t)
+    columns = {'voltage': 12 * wave, 'current': wave, 'speed': 200 * wave}
+    units = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'}
+    scales = scales_of('brushed_dc', MOTOR, [Record(t, columns, units)])
+    return Model.base('brushed_dc', MOTOR).with_effect(key, values, scales)
+
+
+def test_a_ratio_at_its_limit_means_another_law():
+    shaft = with_effect('flexible_shaft', {'r': 0.5, 'w_a': 200.0, 'z': 0.05})
+    assert note(shaft, 'flexible_shaft', gain=10.0) == ''
+    p = shaft.parameters['flexible_shaft.z']
+    over = shaft.with_values({'flexible_shaft.z': p.upper})
+    assert 'damping ratio' in note(over, 'flexible_shaft', gain=10.0)
+
+
+def test_what_widens_a_law_needs_more_than_a_certain_trifle():
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    assert note(model, 'quadratic_drag', gain=1.0) == ''
+    assert '1.0 % only' in note(model, 'quadratic_drag', gain=1.0, inherits=True)
+    assert note(model, 'quadratic_drag', gain=2.5, inherits=True) == ''
+
+
+def test_what_is_far_above_the_noise_counts_in_an_error_that_is_nearly_all_noise():
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    assert '0.2 % only' in note(model, 'quadratic_drag', gain=0.2)
+    assert note(model, 'quadratic_drag', gain=0.2, deep=True) == ''
