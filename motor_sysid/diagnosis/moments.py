@@ -48,7 +48,8 @@ def with_honest_moments(problem: Problem, weighting: Weighting) -> Model:
 
     The error is no parabola in a moment: where nothing moves it is flat, and beside that a
     staircase.  The standard error is a quarter of the stretch over which the error stays within
-    what chance allows (95 %), and no less than what one sample resolves.
+    what chance allows (95 %), and no less than what one sample resolves, nor than what the slope
+    of the error tells where there is one.
     """
     model = problem.model
     free = [p.name for p in problem.free]
@@ -68,7 +69,8 @@ def with_honest_moments(problem: Problem, weighting: Weighting) -> Model:
         width = float(np.ptp(cloud[inside, at])) if inside.any() else 0.0
         p = model.parameters[name]
         error = max(0.25 * width, dt / np.sqrt(12.0)) * float(problem.slope(z)[at])
-        found[name] = max(p.sigma or 0.0, error)
+        linear = p.sigma if p.sigma is not None and p.sigma < p.upper - p.lower else 0.0
+        found[name] = max(linear, error)
     return model.with_estimates({}, found)
 
 

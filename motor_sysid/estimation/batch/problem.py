@@ -212,7 +212,8 @@ class Problem:
             return near.residual
         start = weighting.flat(near.start)
         error = weighting.flat(near.residual[:, :, np.newaxis])
-        if not max(np.max(np.abs(start)), np.max(np.abs(error))) < _RUNAWAY:  # or not a number
+        largest = np.maximum(np.max(np.abs(start)), np.max(np.abs(error)))
+        if not largest < _RUNAWAY:  # or not a number
             return near.residual
         change = np.linalg.lstsq(start, error, rcond=None)[0]
         rest: Array = near.residual - near.start @ change[:, 0]

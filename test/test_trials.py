@@ -1,0 +1,217 @@
+"""How an effect is refitted: from where, with which sensor, what is asked of the last fit."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from bench_motor import a_motor, measure, MOTOR, records
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import diagnose, refit
+from motor_sysid.diagnosis.moments import with_honest_moments
+from motor_sysid.diagnosis.refit import best_per_effect, searching, Trial, try_effect
+from motor_sysid.diagnosis.rounds import scored
+from motor_sysid.diagnosis.rung import climb, exact, gain_in_bic, Rung
+from motor_sysid.diagnosis.score import Scores
+from motor_sysid.diagnosis.setup import Bench, make_bench, with_scales
+from motor_sysid.estimation.batch import (
+    fit,
+    Linearization,
+    make_chain,
+    observed_outputs,
+    Problem,
+    Weighting,
+)
+from motor_sysid.physics.effects import add_effect_file, catalogue, effect
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor
+from motor_sysid.signals.record import Record
+
+START = {**MOTOR, 'omega_eps': 0.4, 'i_eps': 1e-2}
+
+
+def prepared(data: list[Record], sensor: SpeedSensor, **values: float) -> tuple[Bench, Rung]:
+    """Return the data with the linear motor, fitted with that speed sensor."""
+    bench = make_bench(data, [], motor('brushed_dc'))
+    model = Model.base('brushed_dc', {**START, **values}, speed_sensor=sensor)
+    bench = with_scales(bench, model)
+    return bench, climb(model, bench)
+
+
+def refitted(key: str, bench: Bench, rung: Rung) -> tuple[Trial, Scores]:
+    scores = scored(rung, bench, [effect(key)], lambda text: None)
+    starts = best_per_effect(scores.singles, 1)[0]
+    return try_effect(starts, rung, bench, scores.weighting), scores
+
+
+# --- from where a refit begins
+
+
+@pytest.mark.parametrize('wrong', [SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE])
+def test_a_refit_finds_the_speed_sensor_that_the_records_do_not_tell(wrong):
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared([r.select(['voltage', 'current', 'speed']) for r in data], wrong)
+    assert set(bench.sensors) == {SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE}
+    found, _ = refitted('coulomb_friction', bench, rung)
+    assert found.rung.model.speed_sensor is SpeedSensor.DIFFERENCE
+    told, _ = refitted('coulomb_friction', replace(bench, sensors=(wrong,)), rung)
+    assert told.rung.model.speed_sensor is wrong
+
+
+def test_a_delay_begins_from_the_first_guess_of_the_motor_too(monkeypatch):
+    """The inductance that made up for it hardly finds back."""
+    data = records({'input_delay': {'delay': 3.4e-3}}, kinds=('steps',), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    assert rung.model['L'] > 2 * MOTOR['L']
+    begun = {**bench.begun, 'L': 1.1e-3, 'k_t': 0.0444}
+    starts: list[Model] = []
+
+    def spy(problem, *given, **named):
+        starts.append(problem.model)
+        return fit(problem, *given, **named)
+
+    monkeypatch.setattr(refit, 'fit', spy)
+    found, _ = refitted('input_delay', replace(bench, begun=begun), rung)
+    anew = [m for m in starts if m['L'] == 1.1e-3 and m['k_t'] == 0.0444]
+    assert anew
+    assert all('input_delay' in m.effects for m in anew)
+    assert found.rung.model['L'] == pytest.approx(MOTOR['L'], rel=0.02)
+
+
+# --- what a trial comes to
+
+
+@pytest.fixture(scope='module')
+def cogging() -> tuple[Bench, Rung]:
+    hidden = {'cogging_torque': {'a_1': 4e-3, 'b_1': 3e-3, 'n': 11}}
+    return prepared(records(hidden, kinds=('steps', 'triangle'), seconds=3.0),
+                    SpeedSensor.DIFFERENCE)  # fmt: skip
+
+
+def test_a_wave_pays_for_the_orders_that_were_searched(cogging):
+    bench, rung = cogging
+    found, scores = refitted('cogging_torque', bench, rung)
+    assert found.rung.model['cogging_torque.n'] == 11
+    rows = sum(len(part) for part in rung.training.residuals)
+    price = gain_in_bic(rung, found.rung, bench, scores.weighting) - found.delta_bic
+    assert price == pytest.approx(searching(effect('cogging_torque'), rows), rel=0.01)
+    assert price == pytest.approx(2 * np.log(400), rel=0.01)
+
+
+@pytest.fixture
+def runaway(tmp_path: Path) -> Iterator[str]:
+    file = tmp_path / 'runaway.py'
+    file.write_text(
+        '"""A torque that grows with the cube of the speed, and drives."""\n'
+        'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+        'CARD = Card(title="runaway", equation="tau = r omega^3", symptom="It runs away.",\n'
+        '    reference="-", enters=Enters.MECHANICAL,\n'
+        '    amplitudes=(Amplitude("r", "N m s^3/rad^3", "gain", Scale.TORQUE, positive=True,\n'
+        '                          trials=(1.0, 3.0)),))\n'
+        'def torque(omega, r):\n'
+        '    """Torque in N m."""\n'
+        '    return r * omega * omega * omega\n'
+    )
+    add_effect_file(file)
+    yield 'runaway'
+    catalogue().pop('runaway', None)
+
+
+@pytest.mark.filterwarnings('ignore::RuntimeWarning')
+def test_a_trial_that_runs_away_ends_alone(runaway):
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    trial, _ = refitted(runaway, bench, rung)
+    assert trial.note == 'cannot be simulated'
+    found = diagnose(data, effects=[runaway, 'coulomb_friction'])
+    assert found.effects == ('coulomb_friction',)
+
+
+@pytest.mark.parametrize('bad', [np.nan, np.inf, 1e200])
+@pytest.mark.parametrize('spoilt', ['residual', 'start'])
+def test_a_run_without_bound_is_left_as_it_is(bad, spoilt):
+    rng = np.random.default_rng(3)
+    parts = {'residual': rng.normal(size=(50, 1)), 'start': rng.normal(size=(50, 1, 2))}
+    parts[spoilt][20:] = bad
+    near = Linearization(parts['residual'], np.empty((50, 1, 0)), parts['start'])
+    found = Problem.settled(near, Weighting(np.ones(1)))
+    assert np.array_equal(found, parts['residual'], equal_nan=True)
+
+
+def test_open_initial_states_are_set_to_their_best():
+    rng = np.random.default_rng(3)
+    noise, start = rng.normal(size=(50, 1)), rng.normal(size=(50, 1, 2))
+    near = Linearization(noise + start @ [0.7, -2.0], np.empty((50, 1, 0)), start)
+    left = Problem.settled(near, Weighting(np.ones(1)))
+    assert np.abs(start[:, 0].T @ left).max() < 1e-10
+    assert np.std(left) < 1.1
+
+
+# --- the last fit
+
+
+def test_the_last_fit_takes_steps_that_move_no_parameter_by_its_error():
+    hidden = {'coulomb_friction': {'tau_c': 6e-3}}
+    bench, rung = prepared(records(hidden, seconds=3.0), SpeedSensor.DIFFERENCE)
+    rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
+    last, fine = exact(rung, bench)
+    finest = climb(last.model, replace(bench, substeps=16))
+    assert fine.substeps > bench.substeps
+    assert last.substeps == fine.substeps
+
+    def moved(found: Rung) -> float:
+        return max(
+            abs(p.value - finest.model[p.name]) / (p.sigma or np.inf)
+            for p in found.model.parameters.free
+        )
+
+    assert moved(last) < min(0.1, 0.2 * moved(rung))
+
+
+def test_a_linear_model_needs_no_finer_steps(cogging):
+    bench, rung = cogging
+    assert exact(rung, bench)[1] is bench
+
+
+def still_between(first: float, last: float, moment: float) -> tuple[Problem, Weighting]:
+    """Return a motor at rest between two times, whose inertia has grown at a moment."""
+    model = a_motor({'inertia_change': {'g': 0.5, 't_on': moment, 'rise': 1e-3}})
+    time = 1e-3 * np.arange(4000)
+    volts = np.where((time > first) & (time < last), 0.0, 5 * np.sign(np.sin(15 * time)))
+    record = measure(model, volts, np.random.default_rng(5)).uniform()
+    outputs = observed_outputs(model.kind, [record])
+    values = {**START, 'current_offset': 0.015}
+    known = Model.base('brushed_dc', values, speed_sensor=SpeedSensor.DIFFERENCE).with_effect(
+        'inertia_change', {'g': 0.5, 't_on': moment, 'rise': 1e-3}
+    )
+    problem = Problem(known, [make_chain(record, model.kind, outputs)], outputs, substeps=2)
+    fitted = fit(problem, iterations=3)
+    return Problem(fitted.model, problem.chains, outputs, substeps=2), fitted.weighting
+
+
+def sigma_of_moment(model: Model) -> float:
+    sigma = model.parameters['inertia_change.t_on'].sigma
+    assert sigma is not None
+    return sigma
+
+
+def test_a_moment_at_which_nothing_moved_is_known_no_better_than_that():
+    problem, weighting = still_between(1.5, 2.5, 2.1)
+    honest = sigma_of_moment(with_honest_moments(problem, weighting))
+    assert 0.25 * 0.7 < honest < 0.25 * 1.3
+
+
+def test_a_moment_in_motion_is_known_but_not_beyond_what_a_sample_resolves():
+    problem, weighting = still_between(0.0, 0.0, 2.1)
+    honest = sigma_of_moment(with_honest_moments(problem, weighting))
+    assert 0.99e-3 / np.sqrt(12) < honest < 20e-3
+
+
+def test_moments_that_are_not_fitted_keep_their_errors():
+    problem, weighting = still_between(0.0, 0.0, 2.1)
+    fixed = problem.model.with_free(['inertia_change.t_on'], free=False)
+    held = Problem(fixed, problem.chains, problem.outputs, substeps=2)
+    before = fixed.parameters['inertia_change.t_on'].sigma
+    after = with_honest_moments(held, weighting).parameters['inertia_change.t_on'].sigma
+    assert after == before
