@@ -1,0 +1,74 @@
+"""The matched filter: what a wave leaves in the residual comes back as order and frequency."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.benchmark.plant import Plant
+from motor_sysid.benchmark.sensors import measure, Sensors
+from motor_sysid.benchmark.truth import Control, run
+from motor_sysid.diagnosis.matched import Matched, STANDS_OUT, TOP_ORDER
+from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model, SpeedSensor
+
+DT = 1e-3
+PLANT = Plant(R=2.1, L=2.4e-3, k=0.046, J=2.6e-5, b=1.3e-5)
+BASE = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5, 'omega_eps': 0.4}
+SENSORS = Sensors(
+    counts=4096, tacho_noise=0.2, current_noise=0.012, current_step=20 / 4096, current_offset=0.0
+)
+
+
+def matched(turning: float = 1.0, **hidden: float) -> Matched:
+    """Return the filter of the bare motor on 8 s in closed loop of one with something hidden."""
+    rng = np.random.default_rng(11)
+    reference = turning * np.repeat(rng.uniform(-120, 120, 20), 400)
+    control = Control(reference, kp=0.05, ki=0.6, limit=12.0, counts=4096)
+    record = measure(run(PLANT._replace(**hidden), control, DT), SENSORS, DT, rng)
+    model = Model.base('brushed_dc', BASE, speed_sensor=SpeedSensor.DIFFERENCE)
+    outputs = observed_outputs(model.kind, [record])
+    problem = Problem(model, [make_chain(record, model.kind, outputs)], outputs)
+    return Matched(problem, problem.linearize(problem.vector()))
+
+
+@pytest.mark.parametrize('order', [3, 23, 47])
+def test_the_order_of_a_wave_stands_out(order):
+    """It is half a percent of the largest torque."""
+    found = matched(turning=0.4, cogging=1e-3, order=float(order))
+    assert found.orders(contrast=STANDS_OUT)[0] == order
+    gains = found.order_gains()
+    assert gains.shape == (TOP_ORDER + 1,)
+    assert np.argmax(gains) == order
+    assert gains[order] > 100
+
+
+def test_contrast_leaves_out_what_is_no_larger_than_its_neighbours():
+    """A wave of order 23 raises what is beside it, too; chance alone makes no such contrast."""
+    found = matched(turning=0.4, cogging=1e-3, order=23.0)
+    best, apart = found.orders(), found.orders(contrast=20.0)
+    assert best[0] == 23
+    assert len(best) == 5
+    assert apart == (23,)
+    assert matched(turning=0.4).orders(contrast=20.0) == ()
+
+
+def test_an_effect_is_matched_with_its_carrier():
+    """Torque ripple goes with the current, of either sign."""
+    found = matched(ripple=0.05, ripple_order=12.0)
+    assert found.orders(effect('torque_ripple'))[0] == 12
+    with_it = found.order_gains(effect('torque_ripple'))[12]
+    assert with_it > 3 * found.order_gains(effect('cogging_torque'))[12]
+
+
+def test_less_than_a_turn_tells_no_order():
+    found = matched(turning=0.004, cogging=4e-4, order=23.0)
+    assert found.orders() == ()
+
+
+@pytest.mark.parametrize('frequency', [0.83, 6.1, 23.0])
+def test_the_best_frequency_is_that_of_the_load(frequency):
+    found = matched(swing=1e-3, frequency=frequency).frequencies('torque')
+    assert found[0] == pytest.approx(frequency, abs=0.02)
+    assert len(found) == 3
+    apart = np.diff(np.sort(found))
+    assert np.all(apart > 1 / 8)
