@@ -10,10 +10,9 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose, refit
 from motor_sysid.diagnosis.moments import with_honest_moments
-from motor_sysid.diagnosis.refit import best_per_effect, searching, Trial, try_effect
+from motor_sysid.diagnosis.refit import best_per_effect, Level, searching, Trial, try_effect
 from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb, exact, gain_in_bic, Rung
-from motor_sysid.diagnosis.score import Scores
+from motor_sysid.diagnosis.rung import climb, exact, Rung
 from motor_sysid.diagnosis.setup import Bench, make_bench, with_scales
 from motor_sysid.estimation.batch import (
     fit,
@@ -39,10 +38,11 @@ def prepared(data: list[Record], sensor: SpeedSensor, **values: float) -> tuple[
     return bench, climb(model, bench)
 
 
-def refitted(key: str, bench: Bench, rung: Rung) -> tuple[Trial, Scores]:
+def refitted(key: str, bench: Bench, rung: Rung) -> tuple[Trial, Level]:
+    """Return the trial of an effect, and what it was compared with."""
     scores = scored(rung, bench, [effect(key)], lambda text: None)
-    starts = best_per_effect(scores.singles, 1)[0]
-    return try_effect(starts, rung, bench, scores.weighting), scores
+    level = Level.of(rung, bench, scores.weighting)
+    return try_effect(best_per_effect(scores.singles, 1)[0], level, bench), level
 
 
 # --- from where a refit begins
@@ -91,10 +91,10 @@ def cogging() -> tuple[Bench, Rung]:
 
 def test_a_wave_pays_for_the_orders_that_were_searched(cogging):
     bench, rung = cogging
-    found, scores = refitted('cogging_torque', bench, rung)
+    found, level = refitted('cogging_torque', bench, rung)
     assert found.rung.model['cogging_torque.n'] == 11
     rows = sum(len(part) for part in rung.training.residuals)
-    price = gain_in_bic(rung, found.rung, bench, scores.weighting) - found.delta_bic
+    price = level.gain(found.rung, bench) - found.delta_bic
     assert price == pytest.approx(searching(effect('cogging_torque'), rows), rel=0.01)
     assert price == pytest.approx(2 * np.log(400), rel=0.01)
 
