@@ -32,6 +32,9 @@ CASES = {
     'inertia_change': (
         {'inertia_gain': 0.7, 'inertia_time': 1.1}, {'g': 0.7, 't_on': 1.1, 'rise': 1e-5}, 1e-3,
     ),
+    'load_dependent_friction': ({'gear_loss': 0.2}, {'mu': 0.2}, 2e-3),
+    'supply_sag': ({'sag': 0.02}, {'a': 0.02}, 2e-4),
+    'driver_clipping': ({'top_voltage': 5.0}, {'c': 0.2}, 2e-4),
     'lugre_friction': (
         {'bristle': 2e-3, 'bend': 0.05, 'stiction': 1e-9},
         {'tau_c': 2e-3, 'z_s': 0.05, 's': 1e-9, 't_b': 2 * np.sqrt(5e-6 * 0.05 / 2e-3)}, 5e-3,

@@ -139,6 +139,18 @@ def _coast(b: Bench) -> Values:
     return {'a': b.plant.coast, 'u_c': b.plant.coast_voltage}
 
 
+def _gear(b: Bench) -> Values:
+    return {'mu': b.plant.gear_loss}
+
+
+def _sag(b: Bench) -> Values:
+    return {'a': b.plant.sag}
+
+
+def _clipping(b: Bench) -> Values:
+    return {'c': 1 / b.plant.top_voltage}
+
+
 def _current_lag(b: Bench) -> Values:
     return {'lag': b.plant.current_lag}
 
@@ -197,6 +209,9 @@ EXACT: dict[str, Answer] = {
     'iron_loss': _iron,
     'inverter_dead_time': _dead_time,
     'drive_coast': _coast,
+    'load_dependent_friction': _gear,
+    'supply_sag': _sag,
+    'driver_clipping': _clipping,
     'current_sensor_lag': _current_lag,
     'speed_sensor_offset': _speed_offset,
 }

@@ -211,6 +211,23 @@ def current_sensor_lag(p: Plant, size: float, s: Situation, rng: np.random.Gener
     return p._replace(current_lag=_lateness(size, rng))
 
 
+def load_dependent_friction(
+    p: Plant, size: float, s: Situation, rng: np.random.Generator
+) -> Plant:
+    """Gear that rubs with `size` of the torque that the motor makes."""
+    return p._replace(gear_loss=size)
+
+
+def supply_sag(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Supply that falls by `size` of the nominal voltage at full duty and rated current."""
+    return p._replace(sag=size * p.k / (s.sheet.voltage * s.sheet.torque))
+
+
+def driver_clipping(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:
+    """Bridge that ends at 45 % of the nominal voltage less twice `size`."""
+    return p._replace(top_voltage=(0.45 - 2 * size) * s.sheet.voltage)
+
+
 def _lateness(size: float, rng: np.random.Generator) -> float:
     low, high = (0.3e-3, 1e-3) if size < 0.02 else (1e-3, 3e-3) if size < 0.06 else (3e-3, 20e-3)
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
@@ -224,6 +241,7 @@ HIDE: dict[str, Hide] = {
         armature_heating, flexible_shaft, backlash, load_torque_step, inertia_change,
         torque_constant_saturation, lugre_friction, friction_drift, periodic_load, torque_ripple,
         iron_loss, inverter_dead_time, drive_coast, inductance_saturation, current_sensor_lag,
+        load_dependent_friction, supply_sag, driver_clipping,
     )
 }  # fmt: skip
 """Key to the function that hides it; `current_sensor_scale` belongs to the sensors."""

@@ -60,6 +60,13 @@ class Plant(NamedTuple):
         Relative excess of the inductance without current, half gone at this current, A.
     current_lag:
         Time constant of the current sensor's filter, s.
+    gear_loss:
+        Dry friction per torque that the motor makes, whichever way it turns.
+    sag:
+        Source resistance over supply voltage squared, 1/(V A): of a duty ``u/V`` the supply gives
+        ``u/V i``, and its voltage falls by that times its resistance.
+    top_voltage:
+        Highest voltage that the bridge gives, V; 0 for no limit.
     """
 
     R: float
@@ -113,3 +120,6 @@ class Plant(NamedTuple):
     soft: float = 0.0
     i_soft: float = 1.0
     current_lag: float = 0.0
+    gear_loss: float = 0.0
+    sag: float = 0.0
+    top_voltage: float = 0.0

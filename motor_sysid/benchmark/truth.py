@@ -162,6 +162,8 @@ def _run(  # type: ignore[no-untyped-def]
         for j in range(steps):
             t = k * dt + j * h
             late = _delayed(voltage, k, t + 0.5 * h - plant.delay, h, dt)
+            if plant.top_voltage > 0.0:
+                late = min(max(late, -plant.top_voltage), plant.top_voltage)
             _advance(plant, x, late, t, h, random[k], work)
 
 
@@ -224,7 +226,7 @@ def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
     elif moving == 0.0:
         net = _torque(plant, x, t, random)
         way = np.sign(net)
-        moving = way if abs(net) > _friction(plant, way, 0.0, t) else 0.0
+        moving = way if abs(net) > _friction(plant, x, way, 0.0, t) else 0.0
     flowing = np.sign(x[_I])
     if plant.v_b == 0.0:
         flowing = 0.0
@@ -237,16 +239,18 @@ def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model='numpy')
 def _dry(plant):  # type: ignore[no-untyped-def]
     rubs = plant.tau_plus > 0.0 or plant.tau_minus > 0.0 or plant.tau_s > 0.0
-    return rubs or plant.drift_dry != 0.0
+    return rubs or plant.drift_dry != 0.0 or plant.gear_loss > 0.0
 
 
 @njit(cache=True, error_model='numpy')
-def _friction(plant, way, speed, t):  # type: ignore[no-untyped-def]
+def _friction(plant, x, way, speed, t):  # type: ignore[no-untyped-def]
     """Size of the dry friction when moving that way, N m."""
     size = plant.tau_plus if way > 0.0 else plant.tau_minus
     size = max(size + plant.drift_dry * t, 0.0)
     if plant.tau_s > 0.0:
         size += plant.tau_s * np.exp(-(abs(speed / plant.omega_s) ** plant.sharpness))
+    if plant.gear_loss > 0.0:
+        size += plant.gear_loss * abs(_constant(plant, x[_I], x[_THETA]) * x[_I])
     return size
 
 
@@ -285,13 +289,13 @@ def _bristles(plant, omega, bend):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, error_model='numpy')
 def _bridge(plant, i, u, emf):  # type: ignore[no-untyped-def]
-    """Voltage that dead time and coasting add to what was asked for, V."""
+    """Voltage that dead time, coasting and a soft supply add to what was asked for, V."""
     added = 0.0
     if plant.v_dead != 0.0:
         added -= plant.v_dead * min(max(i / plant.i_dead, -1.0), 1.0)
     if plant.coast != 0.0:
         added += plant.coast * max(1.0 - abs(u) / plant.coast_voltage, 0.0) * emf
-    return added
+    return added - plant.sag * u * u * i
 
 
 @njit(cache=True, error_model='numpy')
@@ -335,7 +339,7 @@ def _rates(plant, x, u, t, random, moving, flowing, out):  # type: ignore[no-unt
         out[_I] = 0.0
     net = _torque(plant, x, t, random)
     if moving != 0.0:
-        net -= moving * _friction(plant, moving, x[_OMEGA], t)
+        net -= moving * _friction(plant, x, moving, x[_OMEGA], t)
     rests = moving == 0.0 and _dry(plant)
     out[_OMEGA] = 0.0 if rests else net / (inertia * (1.0 - plant.share))
     out[_THETA] = 0.0 if rests else x[_OMEGA]

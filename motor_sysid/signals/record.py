@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.signals.channels import CHANNELS, Role, role_of
+from motor_sysid.signals.channels import Role, role_of
 
 Array = NDArray[np.float64]
 
@@ -195,10 +195,6 @@ class Record:
             sha.update(f'{name} [{self.units[name]}]'.encode())
             sha.update(self.signals[name].tobytes())
         return sha.hexdigest()
-
-
-HELD = frozenset(channel.name for channel in CHANNELS if channel.role is not Role.MEASURED)
-"""Signals that are held from one sample to the next: the inputs, references and codes."""
 
 
 def _frozen(values: ArrayLike) -> Array:

@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike, NDArray
 from motor_sysid.errors import UserError
 
 Array = NDArray[np.float64]
-Dimension = tuple[tuple[str, int], ...]
 
 TURN = 2 * math.pi
 COUNT = 'count'

@@ -82,7 +82,7 @@ class OnlineIdentifier:
         self._held = np.zeros(inputs)
         self._prediction = np.full(outputs, np.nan)
         self._residual = np.full(outputs, np.nan)
-        self._power = np.zeros((3, outputs))
+        self._power = np.zeros((2, outputs))
 
     def _compile(self) -> None:
         """Compile everything before the first sample: it may take seconds, once on a machine."""
@@ -141,15 +141,9 @@ class OnlineIdentifier:
 
     def errors(self) -> Mapping[str, float]:
         """Return the RMS of the residual of each output over the last second, NaN before any."""
-        error, _, weight = self._power
+        error, weight = self._power
         weight = np.where(weight > 0, weight, np.nan)
         return dict(zip(self.outputs, np.sqrt(error / weight).tolist(), strict=True))
-
-    def errors_percent(self) -> Mapping[str, float]:
-        """Return the same over the RMS of the measured signal, in percent."""
-        error, signal, _ = self._power
-        ratio = 100 * np.sqrt(error / np.where(signal > 0, signal, np.nan))
-        return dict(zip(self.outputs, ratio.tolist(), strict=True))
 
     def current_model(self) -> Model:
         """Return the model with the estimates so far, inside their boxes."""
@@ -244,10 +238,9 @@ def _hold(u, before):  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _note(prediction, y, keep, residual, power):  # type: ignore[no-untyped-def]
-    """Set the residual (n_y,), and keep its power and the signal's over the last second or so."""
+    """Set the residual (n_y,), and keep its power over the last second or so."""
     for j in range(y.size):
         residual[j] = y[j] - prediction[j]
         if residual[j] == residual[j]:  # not NaN
             power[0, j] = keep * power[0, j] + (1 - keep) * residual[j] * residual[j]
-            power[1, j] = keep * power[1, j] + (1 - keep) * y[j] * y[j]
-            power[2, j] = keep * power[2, j] + (1 - keep)
+            power[1, j] = keep * power[1, j] + (1 - keep)
