@@ -135,6 +135,8 @@ def test_two_undetermined_parameters_are_too_vague_unless_something_is_seen_to_b
     assert verdict(rung(1.05, ('L',))) is Verdict.COMPLETE
     assert verdict(rung(1.05, ('L', 'b'))) is Verdict.INSUFFICIENT_DATA
     assert verdict(rung(4.0, ('L', 'b')), left=LEFT) is Verdict.UNKNOWN_EFFECT
+    assert verdict(rung(4.0, ('L', 'b')), rung(1.05)) is Verdict.EFFECT_MISSING
+    assert verdict(rung(4.0, ('L', 'b')), rung(1.05, ('L', 'b'))) is Verdict.INSUFFICIENT_DATA
 
 
 def test_what_was_added_is_missing_and_a_rival_makes_it_ambiguous():

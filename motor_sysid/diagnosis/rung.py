@@ -140,7 +140,8 @@ def refined(
 
     Integration error would count as missing physics; it may be a tenth of the remaining error.
     """
-    if bench.substeps >= finer[-1] or not rung.model.effects:
+    solved = all(effect(key).card.linear for key in rung.model.effects)
+    if bench.substeps >= finer[-1] or solved:
         return rung, bench
     runs = {
         steps: np.concatenate(

@@ -30,7 +30,8 @@ EXPLAINED = 0.9
 predictable remains."""
 
 TOO_VAGUE = 2
-"""Base parameters that may not be undetermined together; inductance alone often is."""
+"""Base parameters that may not be undetermined together, without and with what is named;
+inductance alone often is."""
 
 
 def winner_of(passing: Sequence[Trial]) -> Trial:
@@ -97,6 +98,14 @@ def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
     ]
 
 
+def _vague(rung: Rung) -> list[str]:
+    """Return what is said of base parameters that the data do not determine.
+
+    A missing effect may push two of them to their bounds; with it, they come back.
+    """
+    return [said for said in rung.result.unidentifiable if '.' not in said.split()[0]]
+
+
 def verdict_of(
     ladder: Sequence[tuple[Rung, list[Trial]]],
     left: Remainder,
@@ -110,7 +119,7 @@ def verdict_of(
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
-    if len(base.result.unidentifiable) >= TOO_VAGUE and not structured:
+    if min(len(_vague(base)), len(_vague(final))) >= TOO_VAGUE and not structured:
         return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
