@@ -17,8 +17,8 @@ from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.ekf import FilterpyUpdate
 from motor_sysid.estimation.online.filters import StateVariableFilter
 from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
+from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.motion import Motion
-from motor_sysid.estimation.online.regression import Regression
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.rollout import simulate
 from motor_sysid.recording import load
@@ -370,7 +370,7 @@ def test_filter_is_exact_for_straight_signals():
 def test_the_compiled_update_is_that_of_filterpy(measured):
     rng = np.random.default_rng(measured)
     for states in range(3, 13):
-        other = FilterpyUpdate(states, 3)
+        other = FilterpyUpdate(0, states, 3)
         spread = rng.standard_normal((states, states)) * 10.0 ** rng.uniform(-3, 3, states)
         p = spread.T @ spread
         rows = rng.standard_normal((measured, states)) * (rng.random((measured, states)) < 0.5)
@@ -441,7 +441,7 @@ def test_regression_without_forgetting_is_least_squares():
     rng = np.random.default_rng(0)
     x = rng.standard_normal((400, 3))
     y = x @ [1.0, -2.0, 0.5] + 0.1 * rng.standard_normal(400)
-    found = Regression(np.zeros(3), np.full(3, 1e3), 1.0, 10)
+    found = Forgetting(np.zeros(3), np.full(3, 1e3), 1.0, 10)
     for row, value in zip(x, y, strict=True):
         found.update(row, float(value))
     exact = np.linalg.lstsq(x, y, rcond=None)[0]
@@ -457,7 +457,7 @@ def test_covariance_sees_correlated_errors():
         t = np.arange(4000)
         x = np.column_stack([np.sin(t / 40.0), np.ones(t.size)])
         noise = np.convolve(rng.standard_normal(t.size + 99), np.ones(100) / 10, mode='valid')
-        found = Regression(np.zeros(2), np.full(2, 10.0), 1.0, 300)
+        found = Forgetting(np.zeros(2), np.full(2, 10.0), 1.0, 300)
         for row, value in zip(x, x @ [1.0, 2.0] + 0.1 * noise, strict=True):
             found.update(row, float(value))
         error = found.coefficients - [1.0, 2.0]

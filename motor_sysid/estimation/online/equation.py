@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.filters import advance, StateVariableFilter
 from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
-from motor_sysid.estimation.online.regression import learn, Regression
+from motor_sysid.estimation.online.learners.base import Learner
 from motor_sysid.estimation.online.regressors import RAW, signal_names
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Balance, Term
@@ -43,6 +43,8 @@ class Equation:
         estimate it: the state's terms then bring a constant.
     dt, bandwidth, memory:
         Sample time in s, corner of the filter in rad/s, time of forgetting in s.
+    learner:
+        The rule by which it learns.
 
     Attributes
     ----------
@@ -58,8 +60,9 @@ class Equation:
         dt: float,
         bandwidth: float,
         memory: float,
+        learner: type[Learner],
     ) -> None:
-        self._model, self._balance = model, balance
+        self._model, self._balance, self._learner = model, balance, learner
         signals = signal_names(model.kind)
         self._laws = LawColumns(model, [balance.force], signals)
         free = model.parameters
@@ -77,7 +80,7 @@ class Equation:
         self._terms = _places(terms, signals, offset), np.array(factors)
         self._roles, self._weights = self._columns(held)
         self._filter = StateVariableFilter(self._weights.size, bandwidth)
-        self._regression: Regression | None = None
+        self._regression: Learner | None = None
         self._prior: Mapping[str, float] = {}
         self._waiting, self._count = math.inf, 0
         self._compile()
@@ -85,13 +88,14 @@ class Equation:
     def _compile(self) -> None:
         """Compile what is not called before the filters have settled."""
         size = len(self.names) + bool(self._offset)
-        scratch = Regression(np.zeros(size), np.ones(size), 0.5, 2)
+        scratch = self._learner(np.zeros(size), np.ones(size), 0.5, 2)
         ones = np.ones_like(self._weights)
-        _learn(ones, ones, self._roles, self._weights, 1.0, *scratch.state)
+        self._x = np.ones(size)
+        scratch.update(self._x, _sort(ones, ones, self._roles, self._weights, 1.0, self._x))
         scratch.covariance()
 
     def _columns(self, held: Sequence[Term]) -> tuple[NDArray[np.int64], Array]:
-        """Return the roles and weights of the filtered signals; see `_learn`."""
+        """Return the roles and weights of the filtered signals; see `_sort`."""
         number, laws = count(), self._laws.columns
         places = [-1] * (1 + len(held)) + [next(number) for _ in self._free]
         places += [next(number) if column.name else -1 for column in laws]
@@ -146,9 +150,10 @@ class Equation:
         if self._waiting > 0 or self._count % self._every:
             return
         regression = self._ready(drive, prior)
-        _learn(f.value, f.slope, self._roles, self._weights, drive, *regression.state)
+        y = _sort(f.value, f.slope, self._roles, self._weights, drive, self._x)
+        regression.update(self._x, y)
 
-    def _ready(self, drive: float, prior: Mapping[str, float]) -> Regression:
+    def _ready(self, drive: float, prior: Mapping[str, float]) -> Learner:
         """Return the regression, made at the first sample and widened as priors grow."""
         if self._regression is not None and prior is self._prior:
             return self._regression
@@ -160,7 +165,7 @@ class Equation:
             start = np.append(start, -lever * self._model[self._offset])
             sigma = np.append(sigma, lever * prior[self._offset])
         if self._regression is None:
-            self._regression = Regression(start, sigma, self._forget, self._block)
+            self._regression = self._learner(start, sigma, self._forget, self._block)
         else:
             self._regression.widen(sigma)
         return self._regression
@@ -273,11 +278,8 @@ def _advance_filters(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model='numpy')
-def _learn(  # type: ignore[no-untyped-def]
-    value, slope, roles, weights, drive, coefficients, prior, information, floor, numbers,
-    moments, blocks, settings,
-):  # fmt: skip
-    """Give the filtered signals to the regression, divided by the drive's parameter.
+def _sort(value, slope, roles, weights, drive, x):  # type: ignore[no-untyped-def]
+    """Return the known side, divided by the drive's parameter; set the regressors ``x`` (d,).
 
     Parameters
     ----------
@@ -287,11 +289,12 @@ def _learn(  # type: ignore[no-untyped-def]
         (2, C) place among the regressors (-1: on the known side) and whether the derivative is
         meant; (C,) factors.  A last regressor that no signal belongs to is a constant.
     """
-    x, y = np.ones(coefficients.size), value[0]
+    x[:] = 1.0
+    y = value[0]
     for c in range(1, value.size):
         term = weights[c] * (slope[c] if roles[1, c] else value[c])
         if roles[0, c] >= 0:
             x[roles[0, c]] = term
         else:
             y += term / drive
-    learn(coefficients, prior, information, floor, numbers, moments, blocks, settings, x, y)
+    return y

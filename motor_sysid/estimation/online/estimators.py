@@ -1,8 +1,31 @@
-"""The online estimators.  To add one: write its file and add its class here."""
+"""The online estimators.  To add one: write its file and add a line here."""
 
-from motor_sysid.estimation.online.base import OnlineEstimator
-from motor_sysid.estimation.online.ekf import Ekf
-from motor_sysid.estimation.online.rls import Rls
+from collections.abc import Callable, Sequence
+from functools import partial
 
-ESTIMATORS: dict[str, type[OnlineEstimator]] = {'rls': Rls, 'ekf': Ekf}
+from motor_sysid.estimation.online.base import OnlineEstimator, Tuning
+from motor_sysid.estimation.online.dual_ekf import DualUpdate
+from motor_sysid.estimation.online.ekf import FilterpyUpdate
+from motor_sysid.estimation.online.kalman import Kalman
+from motor_sysid.estimation.online.learners.compound import Compound
+from motor_sysid.estimation.online.learners.directional import Directional
+from motor_sysid.estimation.online.learners.forgetting import Forgetting
+from motor_sysid.estimation.online.learners.gradient import Gradient
+from motor_sysid.estimation.online.learners.window import Window
+from motor_sysid.estimation.online.regressive import Regressive
+from motor_sysid.estimation.online.ukf import Unscented
+from motor_sysid.physics.model import Model
+
+MakeEstimator = Callable[[Model, float, Sequence[str], Tuning], OnlineEstimator]
+
+ESTIMATORS: dict[str, MakeEstimator] = {
+    'rls': partial(Regressive, learner=Forgetting),
+    'rls_directional': partial(Regressive, learner=Directional),
+    'compound_ls': partial(Regressive, learner=Compound),
+    'window_ls': partial(Regressive, learner=Window),
+    'mras': partial(Regressive, learner=Gradient),
+    'ekf': partial(Kalman, update=FilterpyUpdate),
+    'dual_ekf': partial(Kalman, update=DualUpdate),
+    'ukf': partial(Kalman, update=FilterpyUpdate, transform=Unscented),
+}
 """Every online estimator by its key."""

@@ -1,4 +1,4 @@
-"""A joint filter of motion and parameters, the engine of the extended Kalman filter.
+"""A joint filter of motion and parameters, the engine of the Kalman filters.
 
 The state is that of the motor kind, followed by the estimated parameters and sensor offsets.  The
 step is the simulator's own, exact for the linear motor, and its Jacobian a central difference of
@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from motor_sysid.estimation.online.algebra import joseph, propagate, settle
 from motor_sysid.estimation.online.base import Estimate, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
-from motor_sysid.estimation.online.motion import Motion
+from motor_sysid.estimation.online.motion import Motion, Move
 from motor_sysid.estimation.online.sensing import Sensing
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.effects import effect
@@ -29,11 +29,28 @@ from motor_sysid.physics.model import Model
 Array = NDArray[np.float64]
 Update = Callable[[Array, Array, Array, Array, Array], tuple[Array, Array]]
 """A measurement update: see `motor_sysid.estimation.online.algebra.joseph`."""
+MakeUpdate = Callable[[int, int, int], Update]
+"""Makes one, for so many states of the motor, states in all, and outputs."""
+Transform = Callable[[Motion, Array, Array, Array, Array, float, float], Move]
+"""Carries state (d,) and covariance through a sample: see `linearized`."""
+MakeTransform = Callable[[int, int], Transform]
+"""Makes one, for so many states of the motor and parameters that move it."""
 
 
-def compiled(states: int, outputs: int) -> Update:
+def compiled(motor: int, states: int, outputs: int) -> Update:
     """Return the update that costs least."""
     return joseph
+
+
+def linearized(motor: int, moved: int) -> Transform:
+    """Return the transform by central differences at the estimate."""
+
+    def transform(
+        motion: Motion, x: Array, cov: Array, steps: Array, u: Array, time: float, h: float
+    ) -> Move:
+        return motion.advance(x[:motor], x[motor : motor + moved], steps, u, time, h)
+
+    return transform
 
 
 _GROWTH = 1.1
@@ -54,7 +71,9 @@ class JointFilter:
     estimated:
         Names of the parameters to estimate; by default the free ones.
     update:
-        Makes the measurement update, for so many states and outputs.
+        Makes the measurement update.
+    transform:
+        Makes what carries the estimate from sample to sample.
 
     Attributes
     ----------
@@ -69,7 +88,8 @@ class JointFilter:
         outputs: Sequence[str],
         tuning: Tuning,
         estimated: Sequence[str] | None = None,
-        update: Callable[[int, int], Update] = compiled,
+        update: MakeUpdate = compiled,
+        transform: MakeTransform = linearized,
     ) -> None:
         names = [p.name for p in model.parameters.free] if estimated is None else list(estimated)
         delays = [f'{key}.{effect(key).card.delay}' for key in model.effects]
@@ -84,7 +104,8 @@ class JointFilter:
         self._sensing = Sensing(model, outputs, index, tuning)
         self._unit = Sizes.per_unit(model)
         self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
-        self._update = update(self._n + self._start.size, len(outputs))
+        self._update = update(self._n, self._n + self._start.size, len(outputs))
+        self._transform = transform(self._n, self._p)
         self.lost = 0
         self._begin()
 
@@ -186,14 +207,12 @@ class JointFilter:
 
     def _predict(self, time: float, h: float, u: Array) -> bool:
         """Predict state and covariance; tell whether they are finite."""
-        n, p = self._n, self._p
-        _set_steps(self._steps, self._x[:n], self._sizes.state)
-        z = self._x[n : n + p]
-        move = self.motion.advance(self._x[:n], z, self._steps, u, time, h)
+        _set_steps(self._steps, self._x[: self._n], self._sizes.state)
+        move = self._transform(self.motion, self._x, self._cov, self._steps, u, time, h)
         push = self._unrest * math.sqrt(1e-3 / h)
         self._cov, sound = _spread(
-            self._x, self._cov, move.state, move.slope, move.by_force, push, self._push,
-            self._wander, self._prior, h,
+            self._x, self._cov, move.state, move.slope, move.by_force, move.curve, push,
+            self._push, self._wander, self._prior, h,
         )  # fmt: skip
         return bool(sound)
 
@@ -261,15 +280,20 @@ def _set_steps(steps, x, size):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model='numpy')
-def _spread(x, p, state, slope, by_force, unrest, push, wander, prior, h):  # type: ignore[no-untyped-def]
+def _spread(  # type: ignore[no-untyped-def]
+    x, p, state, slope, by_force, curve, unrest, push, wander, prior, h
+):
     """Put the state in its place; return the covariance (d, d) after a sample, and its soundness.
 
     `push` (m,) are the unexplained forces, one standard deviation in a sample of 1 ms.
     """
-    kick = np.empty(by_force.shape)
-    for j in range(kick.shape[0]):
+    forces = by_force.shape[1]
+    kick = np.empty((state.size, forces + curve.shape[1]))
+    for j in range(state.size):
         x[j] = state[j]
-        for m in range(kick.shape[1]):
+        for m in range(forces):
             kick[j, m] = by_force[j, m] * (unrest * push[m])
+        for m in range(curve.shape[1]):
+            kick[j, forces + m] = curve[j, m]
     after = propagate(p, slope, kick, wander, prior, h)
     return after, np.isfinite(after.sum() + x.sum())

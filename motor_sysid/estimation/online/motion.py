@@ -34,11 +34,14 @@ class Move(NamedTuple):
         (n, n + p) derivatives of that state by the state before and by the parameters.
     by_force:
         (n, m) change of that state by a constant torque or voltage of 1 SI unit.
+    curve:
+        (n, k) standard deviations that the slope does not tell of, each column one.
     """
 
     state: Array
     slope: Array
     by_force: Array
+    curve: Array
 
 
 class Motion:
@@ -70,6 +73,7 @@ class Motion:
         self._center, self._length = np.zeros(self._p), 0.0
         self._used, self._fresh = np.zeros(self._n + self._p), True
         self._slope = np.zeros((self._n, self._n + self._p))
+        self._straight = np.zeros((self._n, 0))
 
     def set_values(self, values: Mapping[str, float]) -> None:
         """Change parameters that no derivative is taken by."""
@@ -82,9 +86,7 @@ class Motion:
         self._memory[:] = 0.0
         self._fresh = True
 
-    def advance(
-        self, x: Array, z: Array, steps: Array, u: Array, time: float, h: float
-    ) -> Move:
+    def advance(self, x: Array, z: Array, steps: Array, u: Array, time: float, h: float) -> Move:
         """Advance one sample.
 
         Parameters
@@ -108,11 +110,41 @@ class Motion:
         for block in self._blocks:
             self._run(block, x, drive, memory)
         self._fresh = False
-        if memory.size:
-            rows = block.workspace.buffer.reshape(-1, LANES)
-            self._memory = rows[self._memory_rows, 0]
+        self._remember(self._blocks[-1])
         state = _at(block.lanes, self._slope, z, self._center)
-        return Move(state, self._slope, block.workspace.by_force[:n])
+        return Move(state, self._slope, block.workspace.by_force[:n], self._straight)
+
+    def scatter(self, x: Array, z: Array, u: Array, time: float, h: float) -> tuple[Array, Array]:
+        """Advance a cloud of points by one sample; own states of effects are those of the first.
+
+        Parameters
+        ----------
+        x, z:
+            (K, n) states and (K, p) coordinates of the moved parameters.
+        u:
+            (n_u,) held input.
+        time, h:
+            Time at the start and length of the sample in s.
+
+        Returns
+        -------
+        (K, n) states after it, and (n, m) change of the first one by constant forces of one.
+        """
+        after, by_force = np.empty_like(x), None
+        memory, drive = self._memory, Drive(u[np.newaxis, :], h, time)
+        for first in range(0, len(x), LANES):
+            part = slice(first, min(first + LANES, len(x)))
+            block = self._block_of(z[part].T, h)
+            block.lanes[:] = x[part][0][:, np.newaxis]
+            block.lanes[:, : len(x[part])] = x[part].T
+            self._simulate(block, drive, memory)
+            after[part] = block.lanes[:, : len(x[part])].T
+            if by_force is None:
+                by_force = block.workspace.by_force[: self._n]
+                self._remember(block)
+        self._fresh, self._blocks = False, []
+        assert by_force is not None
+        return after, by_force
 
     def _prepare(self, z: Array, steps: Array, h: float) -> None:
         """Make the matrices of every block around the coordinates (p,)."""
@@ -126,21 +158,35 @@ class Motion:
                 at = 1 + 2 * (k - first)
                 cloud[k - n, at] += steps[k - n]
                 cloud[k - n, at + 1] -= steps[k - n]
-            table = np.repeat(self._values[:, np.newaxis], cloud.shape[1], axis=1)
-            table[self._rows] = self._moved.values(cloud.T).T
-            workspace = self._program.workspace(table, h, delayed=False)
-            self._blocks.append(_Block(first, last, np.empty((n, LANES)), workspace))
+            self._blocks.append(self._block_of(cloud, h, first, last))
+
+    def _block_of(self, cloud: Array, h: float, first: int = 0, last: int = 0) -> '_Block':
+        """Return simulations with coordinates (p, K)."""
+        table = np.repeat(self._values[:, np.newaxis], cloud.shape[1], axis=1)
+        table[self._rows] = self._moved.values(cloud.T).T
+        workspace = self._program.workspace(table, h, delayed=False)
+        return _Block(first, last, np.empty((self._n, LANES)), workspace)
 
     def _run(self, block: '_Block', x: Array, drive: Drive, memory: Array) -> None:
         """Simulate the base and the differences of one block."""
         _set_lanes(block.lanes, x, self._used, block.first, block.last)
+        self._simulate(block, drive, memory)
+        _set_slopes(block.lanes, self._used, block.first, block.last, self._slope)
+
+    def _remember(self, block: '_Block') -> None:
+        """Keep the own states of effects of the first lane."""
+        if self._memory.size:
+            rows = block.workspace.buffer.reshape(-1, LANES)
+            self._memory = rows[self._memory_rows, 0]
+
+    def _simulate(self, block: '_Block', drive: Drive, memory: Array) -> None:
+        """Advance the lanes of a block, all with the same own states of effects."""
         if memory.size:
             rows = block.workspace.buffer.reshape(-1, LANES)
             rows[self._memory_rows] = memory[:, np.newaxis]
             if self._fresh:
                 self._program.begin(block.workspace, block.lanes)
         self._program.advance(block.workspace, block.lanes, drive, 1, _NO_OUTPUTS)
-        _set_slopes(block.lanes, self._used, block.first, block.last, self._slope)
 
 
 @dataclass(frozen=True)

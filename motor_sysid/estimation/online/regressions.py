@@ -10,6 +10,7 @@ from motor_sysid.estimation.online.base import Estimate, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.despike import Despiker, Sample
 from motor_sysid.estimation.online.equation import Equation, offsets
+from motor_sysid.estimation.online.learners.base import Learner
 from motor_sysid.estimation.online.regressors import Regressors
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.model import Model
@@ -32,6 +33,8 @@ class Regressions:
     ----------
     model, dt, outputs, tuning:
         See `motor_sysid.estimation.online.base.OnlineEstimator`.
+    learner:
+        The rule by which each equation learns.
 
     Attributes
     ----------
@@ -44,13 +47,20 @@ class Regressions:
         If a signal that an equation needs is not measured.
     """
 
-    def __init__(self, model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> None:
+    def __init__(
+        self,
+        model: Model,
+        dt: float,
+        outputs: Sequence[str],
+        tuning: Tuning,
+        learner: type[Learner],
+    ) -> None:
         self.model, self._dt = model, dt
         self._balances = model.kind.balances
         width = tuning.bandwidth or _bandwidth(model, dt)
         chosen = zip(self._balances, offsets(model, self._balances), strict=True)
         self._equations = [
-            Equation(model, balance, offset, dt, width, tuning.memory)
+            Equation(model, balance, offset, dt, width, tuning.memory, learner)
             for balance, offset in chosen
         ]
         self._despiker, self._regressors = Despiker(len(outputs)), Regressors(model, outputs)

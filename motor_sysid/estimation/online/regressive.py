@@ -1,4 +1,4 @@
-"""Recursive least squares with forgetting on state-variable-filtered signals.
+"""Regressions on state-variable-filtered signals, with any rule of learning.
 
 Each balance of the motor kind is one regression; effects add their laws as regressors.  A raw
 difference equation would be useless under sensor noise: the filter passes what moves the motor and
@@ -14,19 +14,23 @@ from numpy.typing import NDArray
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.despike import Sample
 from motor_sysid.estimation.online.joint import JointFilter
+from motor_sysid.estimation.online.learners.base import Learner
+from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.regressions import Regressions
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
 
-class Rls(OnlineEstimator):
+class Regressive(OnlineEstimator):
     """Regressions of every balance, and a filter of the motion for the predictions.
 
     Parameters
     ----------
     model, dt, outputs, tuning:
         See `OnlineEstimator`.
+    learner:
+        The rule by which each regression learns.
 
     Attributes
     ----------
@@ -39,9 +43,16 @@ class Rls(OnlineEstimator):
         If a signal that an equation needs is not measured.
     """
 
-    def __init__(self, model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> None:
+    def __init__(
+        self,
+        model: Model,
+        dt: float,
+        outputs: Sequence[str],
+        tuning: Tuning,
+        learner: type[Learner] = Forgetting,
+    ) -> None:
         self.tracker = motion_filter(model, dt, outputs, tuning)
-        self.regressions = Regressions(model, dt, outputs, tuning)
+        self.regressions = Regressions(model, dt, outputs, tuning, learner)
 
     def restart(self, y: Array) -> None:
         """Take up the motion anew; what was learned stays."""
@@ -66,9 +77,7 @@ class Rls(OnlineEstimator):
         return self.regressions.covariance()
 
 
-def motion_filter(
-    model: Model, dt: float, outputs: Sequence[str], tuning: Tuning
-) -> JointFilter:
+def motion_filter(model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> JointFilter:
     """Return a filter that estimates the motion and sensor offsets, but no parameter."""
     biases = [o.bias for o in model.kind.outputs if o.bias and model.parameters[o.bias].free]
     return JointFilter(model, dt, outputs, tuning, biases)
