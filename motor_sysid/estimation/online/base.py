@@ -39,15 +39,20 @@ class Tuning:
     Attributes
     ----------
     memory:
-        RLS: time in s after which a sample's weight has fallen to 1/e.
+        Regressions and MHE: time in s after which a sample's weight has fallen to 1/e;
+        of a sliding window: its length.
     bandwidth:
-        RLS: corner of the state-variable filter in rad/s; None chooses it from the model.
+        Regressions: corner of the state-variable filter in rad/s; None chooses it from the model.
     drift:
-        EKF: how fast parameters may wander, as a fraction of their size per square root of 1 s.
+        Kalman filters, MHE: how fast parameters may wander, as a fraction of their size per
+        square root of 1 s.
     disturbance:
-        EKF: unexplained torque (or voltage) per sample of 1 ms, as a fraction of the largest.
+        Kalman filters: unexplained torque (or voltage) per sample of 1 ms, as a fraction of
+        the largest.
     noise:
         Sensor noise to start from, output signal to standard deviation; it is adapted.
+    horizon:
+        MHE: length of the window in s.
     gap:
         Time between two samples, in sample times, from which the motion is taken up anew.
     """
@@ -57,11 +62,12 @@ class Tuning:
     drift: float = 1e-3
     disturbance: float = 1e-3
     noise: Mapping[str, float] = field(default_factory=dict)
+    horizon: float = 1.0
     gap: float = 4.5
 
     def __post_init__(self) -> None:
         """Refuse what makes no estimator."""
-        for name in ('memory', 'gap'):
+        for name in ('memory', 'horizon', 'gap'):
             value = getattr(self, name)
             if not (math.isfinite(value) and value > 0):
                 raise UserError(f'`{name}` is {value:g}; give a positive number')

@@ -77,7 +77,7 @@ class Equation:
         self._forget = math.exp(-self._every * dt / memory)
         terms = (balance.drive, *held, *self._free)
         factors = [math.prod(model[name] for name in term.factors) for term in terms]
-        self._terms = _places(terms, signals, offset), np.array(factors)
+        self._terms = signal_places(terms, signals, offset), np.array(factors)
         self._roles, self._weights = self._columns(held)
         self._filter = StateVariableFilter(self._weights.size, bandwidth)
         self._regression: Learner | None = None
@@ -114,7 +114,7 @@ class Equation:
         """Settle the filters at the present signals (S,)."""
         self._laws.begin(tracked)
         row = np.empty(self._filter.value.size)
-        _fill_row(*self._terms, *self._laws.table, measured, tracked, row)
+        fill_row(*self._terms, *self._laws.table, measured, tracked, row)
         self._filter.start(row)
         self._waiting = _SETTLING / self._filter.bandwidth
 
@@ -238,7 +238,7 @@ def offsets(model: Model, balances: Sequence[Balance]) -> list[dict[str, str]]:
     return chosen
 
 
-def _places(
+def signal_places(
     terms: Sequence[Term], signals: Sequence[str], offset: Mapping[str, str]
 ) -> NDArray[np.int64]:
     """Return (T, M) where the signals of each term are, -1 where it has fewer."""
@@ -251,7 +251,7 @@ def _places(
 
 
 @njit(cache=True, error_model='numpy')
-def _fill_row(  # type: ignore[no-untyped-def]
+def fill_row(  # type: ignore[no-untyped-def]
     places, factors, buffer, base, calls, reads, measured, tracked, row
 ):
     """Write drive, held and free terms, and the columns of the laws (C,) at signals (S,)."""
@@ -272,8 +272,8 @@ def _advance_filters(  # type: ignore[no-untyped-def]
     """Take both ends (2, S) of a sample through the filters of all columns, in place."""
     first, last = np.empty(value.size), np.empty(value.size)
     laws = (buffer, base, calls, reads)
-    _fill_row(places, factors, *laws, measured[0], tracked[0], first)
-    _fill_row(places, factors, *laws, measured[1], tracked[1], last)
+    fill_row(places, factors, *laws, measured[0], tracked[0], first)
+    fill_row(places, factors, *laws, measured[1], tracked[1], last)
     advance(value, slope, gains, bandwidth, first, last, h)
 
 

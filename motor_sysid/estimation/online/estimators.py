@@ -12,7 +12,9 @@ from motor_sysid.estimation.online.learners.directional import Directional
 from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.learners.gradient import Gradient
 from motor_sysid.estimation.online.learners.window import Window
+from motor_sysid.estimation.online.mhe import Mhe
 from motor_sysid.estimation.online.regressive import Regressive
+from motor_sysid.estimation.online.sliding_mode import SlidingMode
 from motor_sysid.estimation.online.ukf import Unscented
 from motor_sysid.physics.model import Model
 
@@ -27,5 +29,7 @@ ESTIMATORS: dict[str, MakeEstimator] = {
     'ekf': partial(Kalman, update=FilterpyUpdate),
     'dual_ekf': partial(Kalman, update=DualUpdate),
     'ukf': partial(Kalman, update=FilterpyUpdate, transform=Unscented),
+    'mhe': Mhe,
+    'sliding_mode': SlidingMode,
 }
 """Every online estimator by its key."""

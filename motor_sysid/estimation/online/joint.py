@@ -79,6 +79,8 @@ class JointFilter:
     ----------
     lost:
         How often the filter had to begin anew because a number was no longer finite.
+    seen:
+        (k,) what was measured last, (k, d) its slopes by the state, (k,) its noise variances.
     """
 
     def __init__(
@@ -108,6 +110,8 @@ class JointFilter:
         self._transform = transform(self._n, self._p)
         self.lost = 0
         self._begin()
+        self._nothing = np.empty(0), np.empty((0, self._x.size)), np.empty(0)
+        self.seen = self._nothing
 
     def _begin(self) -> None:
         """Forget all data."""
@@ -159,6 +163,7 @@ class JointFilter:
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
         """Predict, note the prediction, and correct."""
+        self.seen = self._nothing
         self._grow(u, y)
         before = self._x[: self._n].copy()
         if self._size == 0.0:
@@ -222,6 +227,7 @@ class JointFilter:
         )
         if z.size == 0:
             return
+        self.seen = z, rows, noise
         unrest = self._unrest * (_RISE if doubt else _FALL)
         self._unrest = min(max(unrest, 1.0), _MOST)
         self._x, self._cov = self._update(self._x, self._cov, z, rows, noise)
@@ -244,6 +250,11 @@ class JointFilter:
             else:
                 found[name] = Estimate(p.value, p.sigma or np.inf, p.unit, False)
         return found
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Estimated parameters in the order of the state, after the motor's own states."""
+        return self._coordinates.names
 
     @property
     def state(self) -> Array:

@@ -81,6 +81,15 @@ class Motion:
             self._values[self._program.names.index(name)] = value
         self._blocks = []
 
+    @property
+    def memory(self) -> Array:
+        """(s,) own states of effects, to be given back to `recall`."""
+        return self._memory
+
+    def recall(self, memory: Array) -> None:
+        """Set the own states of effects to what they were."""
+        self._memory, self._fresh = memory, False
+
     def forget(self) -> None:
         """Set the own states of effects to where they begin."""
         self._memory[:] = 0.0

@@ -51,7 +51,7 @@ class Unscented:
         after, by_force = motion.scatter(points[:, :n], points[:, n:], u, time, h)
         up, down = after[1 : m + 1], after[m + 1 :]
         root = (points[1 : m + 1] - x[:m]) / _REACH
-        slope = solve_triangular(root, (up - down) / (2 * _REACH)).T
+        slope = solve_triangular(root, (up - down) / (2 * _REACH), check_finite=False).T
         bend = (0.5 * (up + down) - after[0]) / _REACH
         state = self._points.Wm @ after
         return Move(state, np.ascontiguousarray(slope), by_force, np.ascontiguousarray(bend.T))

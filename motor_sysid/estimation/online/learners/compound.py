@@ -18,10 +18,9 @@ from motor_sysid.estimation.online.learners.sandwich import add, close, Sandwich
 
 Array = NDArray[np.float64]
 
-_SHORTER = 20.0
+_SHORTER = 50.0
 _JUMP, _CALM = 4.0, 1.5
-_SLOW = 20.0
-_TALLEST = 4.0
+_UP, _DOWN = 100.0, 3.0
 
 _FAST, _USUAL, _SHORT = range(3)
 
@@ -29,7 +28,7 @@ _FAST, _USUAL, _SHORT = range(3)
 class Compound(Learner):
     """Two memories and a switch; see `Learner` for the parameters.
 
-    The short memory is a twentieth of the long one.
+    The short memory is a fiftieth of the long one.
     """
 
     def __init__(self, start: Array, sigma: Array, keep: float, block: int) -> None:
@@ -66,6 +65,8 @@ def _learn(  # type: ignore[no-untyped-def]
     error = off(x, y, coefficients)
     weight = weigh(error, numbers)
     _watch_out(weight * error * error, watch, sums.numbers[2])
+    if watch[_SHORT]:
+        weight = 1.0  # large errors that last are no outliers
     refresh(information, sums.turn, floor, keep**_SHORTER if watch[_SHORT] else keep)
     absorb(information, coefficients, x, error, weight)
     if add(sums, x, y, weight):
@@ -74,10 +75,13 @@ def _learn(  # type: ignore[no-untyped-def]
 
 @njit(cache=True)
 def _watch_out(power, watch, block):  # type: ignore[no-untyped-def]
-    """Follow the power of the error over a block and over many; switch where they differ."""
+    """Follow the power of the error over a block and over many; switch where they differ.
+
+    What is usual rises slowly and falls soon: it is that of the equation at its best.
+    """
     watch[_FAST] += (power - watch[_FAST]) / block
-    growth = min(power, _TALLEST * watch[_USUAL]) - watch[_USUAL]
-    watch[_USUAL] += growth / (_SLOW * block)
+    growth = watch[_FAST] - watch[_USUAL]
+    watch[_USUAL] += growth / ((_UP if growth > 0.0 else _DOWN) * block)
     ratio = watch[_FAST] / max(watch[_USUAL], 1e-300)
     if ratio > _JUMP:
         watch[_SHORT] = 1.0
