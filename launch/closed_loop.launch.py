@@ -49,7 +49,9 @@ def generate_launch_description():
             DeclareLaunchArgument(
                 'excitation', default_value='steps', description='its profile: file or name'
             ),
-            DeclareLaunchArgument('estimator', default_value='rls', description='rls or ekf'),
+            DeclareLaunchArgument(
+                'estimator', default_value='rls', description='how the identifier estimates'
+            ),
             DeclareLaunchArgument(
                 'refit_period', default_value='0.0', description='refit this often, s; 0: never'
             ),

@@ -44,7 +44,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument('--seconds', type=float, default=20.0, help='duration (default 20)')
     parser.add_argument('--rate', type=float, default=500.0, help='samples per second (500)')
-    parser.add_argument('--estimator', choices=('rls', 'ekf'), default='rls')
+    parser.add_argument(
+        '--estimator', default='rls', help='how the identifier estimates (default: %(default)s)'
+    )
     parser.add_argument('--out', type=Path, help='folder for all results (default: demo_DATE)')
     parser.add_argument('--storage', choices=('sqlite3', 'mcap'), default='sqlite3')
     parser.add_argument('--seed', type=int, default=1, help='of the motor and its noise')
@@ -69,8 +71,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
+    from motor_sysid.estimation.online.estimators import known_estimator
+
     for key in args.hide:
         effect(key)
+    known_estimator(args.estimator)
     if not 5 <= args.seconds <= 3600:
         raise UserError(f'--seconds {args.seconds:g} is outside 5 to 3600 s')
     if not 50 <= args.rate <= 1000:

@@ -25,9 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='compare with the estimates that the live node published, bit for bit',
     )  # fmt: skip
     parser.add_argument('--model', type=Path, help='model to start from (default: as recorded)')
-    parser.add_argument(
-        '--estimator', choices=('rls', 'ekf'), help='default: as recorded, else rls'
-    )
+    parser.add_argument('--estimator', metavar='KEY', help='default: as recorded, else rls')
     parser.add_argument('--msg-config', help='which topic carries which signal')
     parser.add_argument('--node', default='identifier', help='name of the recorded identifier')
     parser.add_argument('--csv', type=Path, help='write every estimate to this file')

@@ -28,13 +28,13 @@ class Arrival:
     def __init__(self, center: Array) -> None:
         self.center = center.copy()
         self.information = np.zeros((center.size, center.size))
-        self.prior: Array = np.full(center.size, np.inf)
+        self.prior = np.full(center.size, np.inf)
 
     def widen(self, prior: Array) -> None:
         """Know less beforehand: raise the standard deviations to `prior` where it is larger."""
-        wider = prior.copy()
+        wider = prior
         if np.isfinite(self.prior).all():
-            wider = np.maximum(wider, self.prior)
+            wider = np.maximum(prior, self.prior)
         self.information += np.diag(1.0 / wider**2 - 1.0 / self.prior**2)
         self.prior = wider
 
@@ -62,7 +62,7 @@ class Arrival:
         floor = (1.0 - keep) / self.prior**2
         right = old @ self.center + floor * at + new @ at + pull
         self.information = old + np.diag(floor) + new
-        self.center = np.linalg.solve(self.information, right)
+        self.center = np.asarray(np.linalg.solve(self.information, right), dtype=np.float64)
 
 
 @njit(cache=True)

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from functools import partial
 
+from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.base import OnlineEstimator, Tuning
 from motor_sysid.estimation.online.dual_ekf import DualUpdate
 from motor_sysid.estimation.online.ekf import FilterpyUpdate
@@ -25,11 +26,24 @@ ESTIMATORS: dict[str, MakeEstimator] = {
     'rls_directional': partial(Regressive, learner=Directional),
     'compound_ls': partial(Regressive, learner=Compound),
     'window_ls': partial(Regressive, learner=Window),
-    'mras': partial(Regressive, learner=Gradient),
     'ekf': partial(Kalman, update=FilterpyUpdate),
     'dual_ekf': partial(Kalman, update=DualUpdate),
     'ukf': partial(Kalman, update=FilterpyUpdate, transform=Unscented),
     'mhe': Mhe,
+    'mras': partial(Regressive, learner=Gradient),
     'sliding_mode': SlidingMode,
 }
 """Every online estimator by its key."""
+
+
+def known_estimator(key: str) -> MakeEstimator:
+    """Return what makes an estimator.
+
+    Raises
+    ------
+    UserError
+        If there is none of that key.
+    """
+    if key not in ESTIMATORS:
+        raise UserError(f'unknown estimator `{key}`; known are {", ".join(ESTIMATORS)}')
+    return ESTIMATORS[key]

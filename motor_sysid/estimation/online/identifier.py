@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
-from motor_sysid.estimation.online.estimators import ESTIMATORS
+from motor_sysid.estimation.online.estimators import known_estimator
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -58,15 +58,14 @@ class OnlineIdentifier:
         outputs: Sequence[str],
         tuning: Tuning | None = None,
     ) -> None:
-        if estimator not in ESTIMATORS:
-            raise UserError(f'unknown estimator `{estimator}`; known are {", ".join(ESTIMATORS)}')
+        make = known_estimator(estimator)
         if not (np.isfinite(dt) and dt > 0):
             raise UserError(f'sample time {dt:g} s is not positive')
         self.model, self.dt = model, float(dt)
         self._columns = _input_columns(model, inputs)
         self.outputs = _known_outputs(model, outputs)
         self._tuning = tuning or Tuning()
-        self._make = partial(ESTIMATORS[estimator], model, dt, self.outputs, self._tuning)
+        self._make = partial(make, model, dt, self.outputs, self._tuning)
         self._keep = math.exp(-self.dt / _ERROR_MEMORY)
         self._begin()
         self._compile()
