@@ -15,6 +15,8 @@ from motor_sysid.diagnosis.blind import blind_spots, undetermined
 from motor_sysid.diagnosis.document import diagnosis_document
 from motor_sysid.diagnosis.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.diagnosis.result import Candidate, Step
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effects import add_effect_file, catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 from motor_sysid.workbench.view import load_view, save_view
@@ -181,6 +183,31 @@ def test_less_than_a_turn_hides_cogging():
     record = driven(1.5 * np.sign(np.sin(2 * np.pi * 12 * time)))
     spots = {s.code: s for s in blind_spots(fitted({}), [record], ())}
     assert 'cogging_torque' in spots['short_travel'].effects
+
+
+def test_an_effect_of_the_user_says_itself_what_hides_it(tmp_path):
+    file = tmp_path / 'swash_plate.py'
+    file.write_text(
+        'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+        'from motor_sysid.physics.laws import sin\n'
+        'CARD = Card(title="swash plate", equation="tau = -m sin(3 theta)", symptom="Pulses.",\n'
+        '    reference="-", enters=Enters.MECHANICAL, rotary=True, hidden_by=("short_travel",),\n'
+        '    amplitudes=(Amplitude("m", "N m", "pulse", Scale.TORQUE),))\n'
+        'def torque(theta, m):\n'
+        '    return -m * sin(3.0 * theta)\n'
+    )
+    time = np.arange(6000) * 1e-3
+    record = driven(1.5 * np.sign(np.sin(2 * np.pi * 12 * time)))
+    try:
+        add_effect_file(file)
+        spots = {s.code: s for s in blind_spots(fitted({}), [record], ())}
+    finally:
+        catalogue().pop('swash_plate', None)
+    assert 'swash_plate' in spots['short_travel'].effects
+    assert 'swash plate' in spots['short_travel'].words
+    file.write_text(file.read_text().replace('short_travel', 'bad_weather'))
+    with pytest.raises(UserError, match='`bad_weather`; it may name constant_input'):
+        add_effect_file(file)
 
 
 def test_without_current_resistance_and_inductance_are_not_seen():

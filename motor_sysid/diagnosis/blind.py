@@ -23,36 +23,22 @@ ELECTRICAL = 1.0
 """Samples in an electrical time constant below which the inductance cannot be seen."""
 
 
-@dataclass(frozen=True)
-class _Hidden:
-    """What cannot be seen: base parameters, effects, and whether effects are only mixed up."""
-
-    parameters: tuple[str, ...] = ()
-    effects: tuple[str, ...] = ()
-    alike: bool = False
-
-
-_FRICTION = ('coulomb_friction', 'asymmetric_coulomb_friction', 'stribeck_friction')
-_HIDDEN: Mapping[str, _Hidden] = {
-    'constant_input': _Hidden(('R', 'L', 'k_t', 'J', 'b', 'k_v', 'k_a'), _FRICTION, alike=True),
-    'no_motion': _Hidden(('k_t', 'J', 'b', 'k_v', 'k_a'), (*_FRICTION, 'quadratic_drag')),
-    'one_direction': _Hidden(
-        ('b', 'current_offset'),
-        ('coulomb_friction', 'constant_load_torque', 'current_sensor_offset'),
-        alike=True,
-    ),
-    'few_speeds': _Hidden(
-        ('b', 'k_v'), ('coulomb_friction', 'stribeck_friction', 'quadratic_drag'), alike=True
-    ),
-    'mostly_at_rest': _Hidden(('J', 'b', 'k_a')),
-    'short_travel': _Hidden((), ('cogging_torque', 'torque_ripple', 'gravity_load')),
-    'never_slow': _Hidden((), ('stribeck_friction', 'lugre_friction')),
-    'no_current': _Hidden(
-        ('R', 'L', 'k_t'),
-        ('brush_voltage_drop', 'torque_constant_saturation', 'inductance_saturation'),
-    ),
-    'slow_sampling': _Hidden(('L',), ('inductance_saturation', 'current_sensor_lag')),
+_PARAMETERS: Mapping[str, tuple[str, ...]] = {
+    'constant_input': ('R', 'L', 'k_t', 'J', 'b', 'k_v', 'k_a'),
+    'no_motion': ('k_t', 'J', 'b', 'k_v', 'k_a'),
+    'one_direction': ('b', 'current_offset'),
+    'few_speeds': ('b', 'k_v'),
+    'mostly_at_rest': ('J', 'b', 'k_a'),
+    'short_travel': (),
+    'never_slow': (),
+    'no_current': ('R', 'L', 'k_t'),
+    'slow_sampling': ('L',),
 }
+"""Shortfall to the base parameters that may be lost with it; what effects it hides, their cards
+tell."""
+
+_ALIKE = ('constant_input', 'one_direction', 'few_speeds')
+"""Shortfalls that do not hide effects, but mix them up."""
 
 
 @dataclass(frozen=True)
@@ -79,15 +65,13 @@ def blind_spots(
         What the fit says about parameters that it cannot determine.
     """
     vague = undetermined(model, warnings)
-    known = {key for key, one in catalogue().items() if one.card and _sensible(model, key)}
+    known = {key: one for key, one in catalogue().items() if _sensible(model, key)}
     spots = []
     for found in (*_from_checks(records), *_from_model(model, records, vague)):
-        hidden = _HIDDEN.get(found.code, _Hidden())
-        parameters = tuple(n for n in hidden.parameters if n in vague)
-        if found.code == 'no_current':
-            parameters = hidden.parameters
-        effects = tuple(k for k in hidden.effects if k in known)
-        tail = _consequence(parameters, effects, alike=hidden.alike)
+        lost = _PARAMETERS[found.code]
+        parameters = tuple(n for n in lost if n in vague or found.code == 'no_current')
+        effects = tuple(k for k, one in known.items() if found.code in one.card.hidden_by)
+        tail = _consequence(parameters, effects, alike=found.code in _ALIKE)
         spots.append(
             BlindSpot(found.code, parameters, effects, f'{found.words}{tail}.', found.remedy)
         )
@@ -115,7 +99,7 @@ def _sensible(model: Model, key: str) -> bool:
 def _from_checks(records: Sequence[Record]) -> Iterator[_Found]:
     """Take over what the data doctor says of the excitation."""
     for finding in excitation.check(records):
-        if finding.code in _HIDDEN:
+        if finding.code in _PARAMETERS:
             yield _Found(finding.code, _capital(finding.message), finding.remedy)
         if finding.code == 'excitation' and finding.numbers['share_slow'] < SELDOM:
             share = finding.numbers['share_slow'] * 100

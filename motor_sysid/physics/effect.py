@@ -38,6 +38,12 @@ FORCES = ('torque', 'voltage', 'voltage_d', 'voltage_q', 'voltage_a', 'voltage_b
 SENSORS = ('current_sensor', 'speed_sensor')
 """Every sensor whose reading a law may change; the law's value is added to the signal."""
 
+SHORTFALLS = (
+    'constant_input', 'no_motion', 'one_direction', 'few_speeds', 'mostly_at_rest', 'short_travel',
+    'never_slow', 'no_current', 'slow_sampling',
+)  # fmt: skip
+"""Every shortfall of an excitation that may hide an effect."""
+
 Law = Callable[..., float]
 
 
@@ -168,6 +174,9 @@ class Card:
     linear:
         Whether all laws and rates are linear in states and inputs: then they are solved exactly,
         together with the linear motor.
+    hidden_by:
+        Shortfalls of the excitation, of `SHORTFALLS`, for which it cannot be seen or told from
+        others.
     """
 
     title: str
@@ -190,6 +199,7 @@ class Card:
     frequency: str = ''
     covers: str = ''
     linear: bool = False
+    hidden_by: tuple[str, ...] = ()
 
     @property
     def parameters(self) -> tuple[Amplitude | Shape, ...]:
@@ -236,6 +246,11 @@ def load_effect(key: str, module: ModuleType) -> Effect:
     where = getattr(module, '__file__', key)
     if not isinstance(card, Card):
         raise UserError(f'effect file {where} defines no CARD; see docs/effects.md')
+    if unknown := set(card.hidden_by) - set(SHORTFALLS):
+        raise UserError(
+            f'effect file {where}: hidden_by names `{min(unknown)}`; '
+            f'it may name {", ".join(SHORTFALLS)}'
+        )
     laws = {name: getattr(module, name) for name in (*FORCES, *SENSORS) if hasattr(module, name)}
     if not laws and not card.delay:
         raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')

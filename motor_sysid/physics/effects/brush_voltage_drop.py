@@ -12,6 +12,7 @@ CARD = Card(
     enters=Enters.ELECTRICAL,
     amplitudes=(Amplitude('v_b', 'V', 'drop of both brushes', Scale.VOLTAGE, positive=True),),
     axis='current',
+    hidden_by=('no_current',),
 )
 
 

@@ -22,6 +22,7 @@ CARD = Card(
     axis='position',
     rotary=True,
     orders='n',
+    hidden_by=('short_travel',),
 )
 
 

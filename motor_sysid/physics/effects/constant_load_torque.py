@@ -9,6 +9,7 @@ CARD = Card(
     reference='Krishnan, Electric Motor Drives, 2001, section 1.6',
     enters=Enters.MECHANICAL,
     amplitudes=(Amplitude('tau_l', 'N m', 'load torque', Scale.TORQUE),),
+    hidden_by=('one_direction',),
 )
 
 

@@ -10,6 +10,7 @@ CARD = Card(
     reference='Olsson et al., Eur. J. Control 4 (1998), doi:10.1016/S0947-3580(98)70113-X',
     enters=Enters.MECHANICAL,
     amplitudes=(Amplitude('tau_c', 'N m', 'Coulomb torque', Scale.TORQUE, positive=True),),
+    hidden_by=('constant_input', 'no_motion', 'one_direction', 'few_speeds'),
 )
 
 

@@ -17,6 +17,7 @@ CARD = Card(
     states=('i_f',),
     begins={'i_f': 'i'},
     linear=True,
+    hidden_by=('slow_sampling',),
 )  # fmt: skip
 
 

@@ -18,6 +18,7 @@ CARD = Card(
     ),
     axis='current',
     covers='current_offset',
+    hidden_by=('one_direction',),
 )  # fmt: skip
 
 

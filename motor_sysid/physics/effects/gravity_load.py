@@ -15,6 +15,7 @@ CARD = Card(
     ),
     axis='position',
     rotary=True,
+    hidden_by=('short_travel',),
 )
 
 

@@ -23,6 +23,7 @@ CARD = Card(
     ),
     axis='current',
     shrinks=('L',),
+    hidden_by=('no_current', 'slow_sampling'),
 )  # fmt: skip
 
 

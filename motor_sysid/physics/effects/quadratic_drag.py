@@ -12,6 +12,7 @@ CARD = Card(
     amplitudes=(
         Amplitude('k_d', 'N m s^2/rad^2', 'drag coefficient', Scale.DRAG, positive=True),
     ),
+    hidden_by=('no_motion', 'few_speeds'),
 )
 
 

@@ -13,6 +13,7 @@ CARD = Card(
                   positive=True),
     ),
     axis='current',
+    hidden_by=('no_current',),
 )  # fmt: skip
 
 

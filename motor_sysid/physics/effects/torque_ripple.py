@@ -25,6 +25,7 @@ CARD = Card(
     rotary=True,
     orders='n',
     carrier='i',
+    hidden_by=('short_travel',),
 )  # fmt: skip
 
 
