@@ -6,19 +6,21 @@ round, with more current, at rest.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.found import Rivalry
 from motor_sysid.diagnosis.residual import balance, measured_states
-from motor_sysid.diagnosis.result import Candidate, Step
+from motor_sysid.diagnosis.result import Step
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 States = dict[str, Array]
+Runs = Sequence[Mapping[str, Array]]
 
 SAMPLES = 1500
 """Samples at which forces are compared."""
@@ -27,28 +29,62 @@ FURTHER = 2.0
 """How many times as much as here the forces must differ for a regime to be named."""
 
 
+@dataclass(frozen=True)
+class Compared:
+    """Two fits that do as well as each other, and the fit that lacks what they differ in.
+
+    Attributes
+    ----------
+    base, one, two:
+        Predictions of the three, for each record output to (N,) values.
+    models:
+        The two models.
+    """
+
+    base: Runs
+    one: Runs
+    two: Runs
+    models: tuple[Model, Model]
+
+
 def rivalries_of(
-    ladder: Sequence[Step], rivals: Mapping[str, tuple[str, ...]], records: Sequence[Record]
+    ladder: Sequence[Step],
+    rivals: Mapping[str, tuple[str, ...]],
+    records: Sequence[Record],
+    compared: Mapping[tuple[str, str], Compared] | None = None,
 ) -> tuple[Rivalry, ...]:
-    """Return every pair of an added effect and a rival of it."""
+    """Return every pair of an added effect and a rival of it.
+
+    Pairs that were fitted side by side on no rung of the ladder are found in `compared`.
+    """
+    known = compared or {}
     return tuple(
-        _rivalry(key, other, ladder, records) for key, names in rivals.items() for other in names
+        _rivalry(key, other, known.get((key, other)) or _side_by_side(key, other, ladder), records)
+        for key, names in rivals.items()
+        for other in names
     )
 
 
-def _rivalry(
-    key: str, rival: str, ladder: Sequence[Step], records: Sequence[Record]
-) -> Rivalry:
-    titles = effect(key).card.title, effect(rival).card.title
+def _side_by_side(key: str, rival: str, ladder: Sequence[Step]) -> Compared | None:
+    """Return the refits of two effects on the first rung that has both."""
     for step in ladder:
         one = next((c for c in step.candidates if c.effect == key), None)
         two = next((c for c in step.candidates if c.effect == rival), None)
-        if one is None or two is None or not one.predictions or not two.predictions:
-            continue
-        overlap = _overlap(step, one, two)
-        regime = _regime(one, two, records)
-        return Rivalry(key, rival, overlap, regime, _words(titles, overlap, regime))
-    return Rivalry(key, rival, float('nan'), '', _words(titles, float('nan'), ''))
+        if one and two and one.predictions and two.predictions and one.model and two.model:
+            return Compared(
+                step.predictions, one.predictions, two.predictions, (one.model, two.model)
+            )
+    return None
+
+
+def _rivalry(
+    key: str, rival: str, found: Compared | None, records: Sequence[Record]
+) -> Rivalry:
+    overlap, regime = float('nan'), ''
+    if found is not None:
+        overlap, regime = _overlap(found), _regime(*found.models, records)
+    titles = effect(key).card.title, effect(rival).card.title
+    return Rivalry(key, rival, overlap, regime, _words(titles, overlap, regime))
 
 
 def _words(titles: tuple[str, str], overlap: float, regime: str) -> str:
@@ -59,13 +95,13 @@ def _words(titles: tuple[str, str], overlap: float, regime: str) -> str:
     return text
 
 
-def _overlap(step: Step, one: Candidate, two: Candidate) -> float:
-    """Return how much alike the changes are that two refits make to the step's predictions."""
+def _overlap(found: Compared) -> float:
+    """Return how much alike the changes are that two refits make to the base's predictions."""
     apart, whole = 0.0, 0.0
-    for name in step.predictions[0]:
+    for name in found.base[0]:
         base, first, second = (
             np.concatenate([run[name] for run in runs])
-            for runs in (step.predictions, one.predictions, two.predictions)
+            for runs in (found.base, found.one, found.two)
         )
         size = max(float(np.mean(base**2)), 1e-300)
         apart += float(np.mean((first - second) ** 2)) / size
@@ -73,14 +109,12 @@ def _overlap(step: Step, one: Candidate, two: Candidate) -> float:
     return float(np.clip(1 - apart / max(whole, 1e-300), 0.0, 1.0))
 
 
-def _regime(one: Candidate, two: Candidate, records: Sequence[Record]) -> str:
+def _regime(one: Model, two: Model, records: Sequence[Record]) -> str:
     """Return the motion along which the two models ask for the most different forces."""
-    if one.model is None or two.model is None:
-        return ''
-    moments = [_thinned(measured_states(one.model, r.uniform()), len(records)) for r in records]
-    here = _apart(one.model, two.model, moments)
+    moments = [_thinned(measured_states(one, r.uniform()), len(records)) for r in records]
+    here = _apart(one, two, moments)
     there = {
-        words: _apart(one.model, two.model, [change(s) for s in moments])
+        words: _apart(one, two, [change(s) for s in moments])
         for words, change in _MOTIONS.items()
     }
     words, most = max(there.items(), key=lambda item: item[1])

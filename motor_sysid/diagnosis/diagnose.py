@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
@@ -149,6 +150,7 @@ class _Engine:
         self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
         self.nominal = nominal
         self.gains: dict[str, float] = {}
+        self.compared: dict[tuple[str, str], Compared] = {}
         self.notes: list[str] = []
         self.seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
         self.train_records = [
@@ -216,7 +218,9 @@ class _Engine:
 
     def exchange(self) -> Exchange:
         """Return what looks for better sets of effects, as things stand."""
-        return Exchange(self.bench, self.seen, self.gains, self.score, self.tell)
+        return Exchange(
+            self.bench, self.seen, self.gains, self.compared, self.score, self.tell
+        )
 
     def prune(self, rung: Rung) -> Rung:
         """Drop effects that later ones have made superfluous."""
@@ -270,7 +274,7 @@ class _Engine:
             roles=self.bench.roles,
             warnings=(*final.result.unidentifiable, *final.result.warnings, *self.notes),
         )
-        found = explained(found, steps, left, rivals, self.nominal)
+        found = explained(found, steps, left, rivals, self.nominal, self.compared)
         wanted = next_experiment(verdict, ladder, rivals, self.train_records)
         return replace(found, experiment=wanted) if wanted else found
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
+from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     Level,
@@ -44,6 +45,8 @@ class Exchange:
         Sets of effects that were fitted and scored.
     gains:
         Gain in BIC of each effect when it was added; what is exchanged is noted here.
+    compared:
+        Effect and rival to the fits that do as well as each other; what is found is noted here.
     score:
         Scores every candidate on a fit, and remembers both in `seen`.
     tell:
@@ -53,6 +56,7 @@ class Exchange:
     bench: Bench
     seen: dict[frozenset[str], tuple[Rung, Scores]]
     gains: dict[str, float]
+    compared: dict[tuple[str, str], Compared]
     score: Callable[[Rung], Scores]
     tell: Callable[[str], None]
 
@@ -86,6 +90,7 @@ class Exchange:
                         return climb(trial.rung.model, self.bench, rung.result.weighting)
                     if trial.key not in rivals.get(key, ()):
                         rivals[key] = (*rivals.get(key, ()), trial.key)
+                    self.compared[key, trial.key] = _compared(slim, rung, trial.rung)
             better = self.best_pair(key, level, scores, mine, rivals)
             if better is not None and better.held.error_percent < rung.held.error_percent:
                 return climb(better.model, self.bench, rung.result.weighting)
@@ -135,11 +140,15 @@ class Exchange:
         if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
             return None
         best = {one.variant.effect.key for one in tried[0][2]}
-        for _, other, pair in tried[1:]:
+        for fitted, other, pair in tried[1:]:
             keys = {one.variant.effect.key for one in pair}
             if other > tried[0][1] - RIVAL_BIC and len(keys & best) == 1:
                 mine, theirs = (best - keys).pop(), (keys - best).pop()
                 rivals[mine] = (*rivals.get(mine, ()), theirs)
+                slim = climb(
+                    tried[0][0].model.without_effect(mine), self.bench, briefly=True
+                )
+                self.compared[mine, theirs] = _compared(slim, tried[0][0], fitted)
         self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
         self.gains.update(dict.fromkeys(best, tried[0][1]))
         return tried[0][0]
@@ -157,3 +166,11 @@ class Exchange:
                 trial = try_effect(starts, level, self.bench)
                 if trial.passes and trial.delta_bic > gain - RIVAL_BIC:
                     yield trial
+
+
+def _compared(base: Rung, one: Rung, two: Rung) -> Compared:
+    """Return what two fits that do as well as each other are compared by."""
+    without, first, second = (
+        (*rung.training.predictions, *rung.validation.predictions) for rung in (base, one, two)
+    )
+    return Compared(without, first, second, (one.model, two.model))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from motor_sysid.diagnosis import words
-from motor_sysid.diagnosis.apart import rivalries_of
+from motor_sysid.diagnosis.apart import Compared, rivalries_of
 from motor_sysid.diagnosis.blind import blind_spots, undetermined
 from motor_sysid.diagnosis.found import Unknown
 from motor_sysid.diagnosis.proof import evidence_of, off_nominal, wrong_parameters
@@ -20,6 +20,7 @@ def explained(
     left: Remainder,
     rivals: Mapping[str, tuple[str, ...]],
     nominal: Mapping[str, float],
+    compared: Mapping[tuple[str, str], Compared] | None = None,
 ) -> Diagnosis:
     """Return the diagnosis with the words and the evidence of its verdict.
 
@@ -35,6 +36,8 @@ def explained(
         Effect that was added to the effects that explain the data as well.
     nominal:
         Data-sheet values: parameter to value in SI; may be empty.
+    compared:
+        Effect and rival to what they were compared by, where no rung of the ladder has both.
     """
     verdict = diagnosis.verdict
     named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
@@ -47,7 +50,7 @@ def explained(
         else (),
         wrong_parameters=wrong_parameters(ladder[0], ladder[-1]) if clear else (),
         blind_spots=blind_spots(ladder[0].model, diagnosis.records, diagnosis.warnings),
-        rivalries=rivalries_of(ladder, rivals, diagnosis.records) if named else (),
+        rivalries=rivalries_of(ladder, rivals, diagnosis.records, compared) if named else (),
         experiment=words.experiment(verdict, rivals),
     )
     return replace(full, reasons=tuple(_reasons(full, ladder, left, nominal)))

@@ -1,0 +1,66 @@
+"""Rivals that show up when effects are exchanged get words and figures as all others do."""
+
+from dataclasses import replace
+
+from bench_motor import records
+import numpy as np
+import pytest
+from test_trials import prepared, refitted
+
+from motor_sysid.diagnosis import exchange
+from motor_sysid.diagnosis.apart import Compared, rivalries_of
+from motor_sysid.diagnosis.exchange import Exchange
+from motor_sysid.diagnosis.rounds import scored
+from motor_sysid.diagnosis.rung import climb, Rung
+from motor_sysid.diagnosis.score import Scores
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import SpeedSensor
+
+FEW = ('coulomb_friction', 'quadratic_drag', 'brush_voltage_drop')
+
+
+def test_a_rival_found_by_exchange_is_told_with_what_they_share(monkeypatch):
+    hidden = {'coulomb_friction': {'tau_c': 6e-3}, 'brush_voltage_drop': {'v_b': 0.5}}
+    data = records(hidden, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, base = prepared(data, SpeedSensor.DIFFERENCE)
+    both = base.model.with_effect('brush_voltage_drop', {'v_b': 0.5}, bench.scales)
+    both = both.with_effect('coulomb_friction', {'tau_c': 5e-3}, bench.scales)
+    rung = climb(both, bench)
+    seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
+
+    def score(one: Rung) -> Scores:
+        scores = scored(one, bench, [effect(key) for key in FEW], lambda text: None)
+        seen[frozenset(one.model.effects)] = one, replace(scores, pairs=[])
+        return scores
+
+    score(base)
+    score(rung)
+
+    def as_good(self, key, level, scores, gain):
+        trial, _ = refitted('asymmetric_coulomb_friction', bench, level.rung)
+        yield replace(trial, delta_bic=gain)
+
+    monkeypatch.setattr(exchange, 'ONLY_NOISE', 0.0)
+    monkeypatch.setattr(Exchange, 'substitutes', as_good)
+    rivals: dict[str, tuple[str, ...]] = {}
+    compared: dict[tuple[str, str], Compared] = {}
+    gains = {'coulomb_friction': 1.0, 'brush_voltage_drop': 1e12}
+    engine = Exchange(bench, seen, gains, compared, score, lambda text: None)
+    assert engine.better(rung, (), rivals) is None
+    assert rivals == {'coulomb_friction': ('asymmetric_coulomb_friction',)}
+    (one,) = rivalries_of([], rivals, bench.records, compared)
+    assert 0.9 < one.overlap <= 1.0
+    assert 'they share' in one.words
+    (bare,) = rivalries_of([], rivals, bench.records)
+    assert np.isnan(bare.overlap)
+
+
+def test_what_two_alike_fits_share_is_all():
+    run = ({'speed': np.sin(np.arange(50.0))},)
+    still = ({'speed': np.zeros(50) + 1e-3},)
+    model = prepared(records({}, kinds=('steps',), seconds=1.0), SpeedSensor.DIFFERENCE)[1].model
+    rivals = {'coulomb_friction': ('quadratic_drag',)}
+    pair = {('coulomb_friction', 'quadratic_drag'): Compared(still, run, run, (model, model))}
+    (one,) = rivalries_of([], rivals, [], pair)
+    assert one.overlap == pytest.approx(1.0)
+    assert one.regime == ''
