@@ -236,15 +236,21 @@ def advance(machine, x, low, high, t, h, work):  # type: ignore[no-untyped-def]
     low, high:
         (3,) terminal voltages with current into the machine and out of it, V.
     work:
-        (6, 6) scratch; ``work[1, :3]`` are the terminal voltages at the end.
+        (6, 6) scratch; ``work[1, :3]`` are the terminal voltages at the end, ``work[1, 3:]`` gets
+        their mean over the step.
     """
     left = h
     new, flow, form, v = work[4], work[5, :3], work[0, :3], work[1, :3]
+    mean, before = work[1, 3:], work[5, 3:]
+    for k in range(3):
+        mean[k] = 0.0
     for _ in range(_CUTS):
         shapes(machine, x[THETA], form)
         _flows(machine, x, low, high, form, flow, v, work[2])
         terminals(machine, x, low, high, flow, form, v, work[2])
         way = _moving(machine, x, slopes(machine, x, v, form, work[2]), t)
+        for k in range(3):
+            before[k] = v[k]
         _step(machine, x, low, high, flow, way, t, left, work, new)
         part, first = 1.0, -1
         for k in range(4):
@@ -257,10 +263,14 @@ def advance(machine, x, low, high, t, h, work):  # type: ignore[no-untyped-def]
         if first < 0:
             break
         _step(machine, x, low, high, flow, way, t, part * left, work, new)
+        for k in range(3):
+            mean[k] += 0.5 * (before[k] + v[k]) * part * left / h
         _take(x, new)
         _stop(x, first)
         t += part * left
         left *= 1.0 - part
+    for k in range(3):
+        mean[k] += 0.5 * (before[k] + v[k]) * left / h
     _take(x, new)
 
 
@@ -288,4 +298,4 @@ def span(machine, x, low, high, t, h, steps, work, shown):  # type: ignore[no-un
     for j in range(steps):
         advance(machine, x, low, high, t + j * h, h, work)
         for k in range(3):
-            shown[k] += work[1, k] / steps
+            shown[k] += work[1, 3 + k] / steps

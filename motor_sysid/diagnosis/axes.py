@@ -83,8 +83,9 @@ def axes_of(
     ]
     if all('theta' in s for s in states):
         axes.append(_position(model, tuple(s['theta'] for s in states)))
-    if all('i' in s for s in states):
-        axes.append(_signed('current', 'A', tuple(s['i'] for s in states)))
+    drawn = next((n for n in ('i', 'i_q') if all(n in s for s in states)), '')
+    if drawn:
+        axes.append(_signed('current', 'A', tuple(s[drawn] for s in states)))
     elif all('u' in s for s in states):
         unit = records[0].units.get('voltage', '1') if 'voltage' in records[0] else '1'
         axes.append(_signed('input', unit, tuple(s['u'] for s in states)))
@@ -148,7 +149,7 @@ def _heat(
 
 def _stored(model: Model, key: str, states: Mapping[str, Array]) -> Array:
     """Return the (N,) loss energy in J that a winding holds, from a cold start."""
-    rate = effect(key).rates[HEAT]
+    rate = model.effect(key).rates[HEAT]
     wanted = inspect.signature(rate).parameters
     known = {p.name.removeprefix(f'{key}.'): p.value for p in model.parameters}
     columns = [

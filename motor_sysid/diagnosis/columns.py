@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.variants import Variant
 from motor_sysid.estimation.batch import Chain, Problem
+from motor_sysid.physics.effect import SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import SpeedSensor
 from motor_sysid.physics.rollout import Program
@@ -97,8 +98,9 @@ def _needs_its_own_model(variant: Variant) -> bool:
     """Whether the effect cannot be replaced by a push along the trajectory."""
     one = variant.effect
     rates = {f'd{force.own_state}' for force in variant.model.kind.forces}
+    twice = any(name.startswith(SECOND) for name in one.laws)
     return bool(
-        one.card.states or one.card.delay or one.needs() & rates or variant.inherits
+        one.card.states or one.card.delay or one.needs() & rates or twice or variant.inherits
     )
 
 

@@ -31,7 +31,14 @@ from motor_sysid.diagnosis.rung import (
     with_better_sensor,
 )
 from motor_sysid.diagnosis.score import Scores
-from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.diagnosis.setup import (
+    base_fit,
+    Bench,
+    choose_kind,
+    make_bench,
+    prepared,
+    with_scales,
+)
 from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
@@ -114,11 +121,12 @@ def diagnose(
     """
     settings = settings or Settings()
     tell = progress or (lambda text: None)
-    records = [r.uniform() for r in train]
-    held = [r.uniform() for r in validation]
+    wanted = model.motor if model else motor
+    known = model.parameters.values() if model else nominal or {}
+    records, held = (prepared(part, wanted, known) for part in (train, validation))
     _refuse(records, held)
-    kind = choose_kind([*records, *held], model.motor if model else motor)
-    bench = make_bench(records, held, kind, model, settings.validation_fraction)
+    kind = choose_kind([*records, *held], wanted)
+    bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     tell(f'fitting a linear {kind.title}')
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model

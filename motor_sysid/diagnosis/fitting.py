@@ -8,7 +8,14 @@ from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, Level, Trial, try_effect
 from motor_sysid.diagnosis.rung import climb, Rung
 from motor_sysid.diagnosis.score import score
-from motor_sysid.diagnosis.setup import base_fit, Bench, choose_kind, make_bench, with_scales
+from motor_sysid.diagnosis.setup import (
+    base_fit,
+    Bench,
+    choose_kind,
+    make_bench,
+    prepared,
+    with_scales,
+)
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, observed_outputs
@@ -47,7 +54,7 @@ def compare_model(
     model: Model, records: Sequence[Record]
 ) -> tuple[Comparison, tuple[Where, ...]]:
     """Run a model over records, freely, and say where it fails."""
-    evens = [r.uniform() for r in records]
+    evens = prepared(records, model.motor, model.parameters.values())
     outputs = observed_outputs(model.kind, evens)
     chains = [make_chain(r, model.kind, outputs) for r in evens]
     comparison = compare(model, chains, outputs)
@@ -91,9 +98,11 @@ def _prepared(
     nominal: Mapping[str, float],
     fraction: float,
 ) -> tuple[Bench, Model]:
-    records, held = [r.uniform() for r in train], [r.uniform() for r in validation]
-    kind = choose_kind([*records, *held], model.motor if model else motor)
-    bench = make_bench(records, held, kind, model, fraction)
+    wanted = model.motor if model else motor
+    known = model.parameters.values() if model else nominal
+    records, held = (prepared(part, wanted, known) for part in (train, validation))
+    kind = choose_kind([*records, *held], wanted)
+    bench = make_bench(records, held, kind, model, fraction, nominal)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
     return with_scales(bench, model), model

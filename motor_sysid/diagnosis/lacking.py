@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.drive import Drive, input_signals
-from motor_sysid.physics.effects import effect
+from motor_sysid.physics.effect import SECOND
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Term
 from motor_sysid.signals.record import Record
@@ -83,7 +83,9 @@ def lack_of(
     motion = {name: _beyond_noise(values) for name, values in error.items()}
     moved = {n: v + motion[n] if n in motion else v for n, v in simulated.items()}
     extra = _own_force(model, moved, simulated)
-    states = {**simulated, 'omega': moved['omega']}
+    states = model.kind.with_derived(
+        {**simulated, 'omega': moved['omega']}, model.parameters.values()
+    )
     forces, terms = {}, {}
     a, g = _core(model)
     for column, force in enumerate(model.kind.forces):
@@ -197,7 +199,7 @@ def _core_states(
     states['t'] = record.time - record.time[0]
     if 'omega' in states:
         states['turn'] = record.dt * states['omega']
-    return states
+    return model.kind.with_derived(states, model.parameters.values())
 
 
 def _errors(
@@ -229,18 +231,20 @@ def _own_force(
     """Return what the model's laws without memory do at the states beyond what the run held."""
     size = next(iter(states.values())).size
     forces = {force.name: np.zeros(size) for force in model.kind.forces}
-    for key in model.effects:
-        own = {p.name: model[f'{key}.{p.name}'] for p in effect(key).card.parameters}
-        for name, law in effect(key).laws.items():
+    laws = [model.effect(key) for key in model.effects]
+    for one in (*laws, *([model.kind.own] if model.kind.own else [])):
+        own = {p.name: model[f'{one.key}.{p.name}'] for p in one.card.parameters}
+        for name, law in one.laws.items():
             wanted = inspect.signature(law).parameters
             known = {**model.parameters.values(), **own}
-            if name not in forces or any(n not in known and n not in states for n in wanted):
+            force = name.removeprefix(SECOND)
+            if force not in forces or any(n not in known and n not in states for n in wanted):
                 continue
             now, then = (
                 law(*[known[n] if n in known else place[n] for n in wanted])
                 for place in (states, simulated)
             )
-            forces[name] = forces[name] + (now - then)
+            forces[force] = forces[force] + (now - then)
     return forces
 
 
@@ -264,7 +268,9 @@ def _terms(
         (sign, term)
         for one in model.kind.balances
         if one.force == force
-        for sign, term in [(-1.0, one.drive), *((1.0, term) for term in one.terms)]
+        for sign, term in [
+            (-1.0, one.drive), *((term.sign, term) for term in (*one.terms, *one.given))
+        ]
     ]
     for sign, term in signed:
         if term.parameter in free and all(n in states for n in term.signals):

@@ -75,7 +75,7 @@ def proposals(
     matched = cache(lambda: Matched(problem, near))
     found: dict[str, tuple[float, ...]] = {}
     lacks: dict[str, list[_Lack]] = {}
-    for one in effects:
+    for one in map(model.kind.taking, effects):
         card = one.card
         if one.key in model.effects or not model.admits(one):
             continue

@@ -270,7 +270,7 @@ def _opened(tried: Model, base: Model, scored: Scored) -> Model:
     start = {name: value for name, value in scored.base.items() if name in tried.parameters}
     start |= {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
     share = 1.0 + start.get(f'{key}.{card.amplitudes[0].name}', 0.0)
-    for name in card.shrinks:
+    for name in (n for n in card.shrinks if n in base.parameters):
         p = base.parameters[name]
         start[name] = float(np.clip(p.value / share, p.lower, p.upper))
     return tried.with_free(free).with_values(start)

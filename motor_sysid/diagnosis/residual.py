@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from motor_sysid.physics.drive import Drive, input_signals
+from motor_sysid.physics.effect import Effect, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.speed import measured_speed
@@ -47,7 +48,7 @@ def measured_states(model: Model, record: Record) -> dict[str, Array]:
     states.update(zip(kind.arguments, inputs, strict=True))
     states['t'] = record.time - record.time[0]
     states['turn'] = record.dt * states['omega']
-    asked = {name for key in model.effects for name in effect(key).needs()}
+    asked = {name for key in model.effects for name in model.effect(key).needs()}
     if any(f'd{force.own_state}' in asked for force in kind.forces):
         states.update(rates_of(model, states, record.dt))
     return states
@@ -85,7 +86,8 @@ def lacking_name(model: Model, force: str) -> str:
     unit = next(f.unit for f in model.kind.forces if f.name == force)
     if unit == 'N m':
         return 'unexplained force' if model.linear else 'unexplained torque'
-    return 'unexplained voltage'
+    _, _, axis = force.partition('_')
+    return f'unexplained voltage {axis}'.rstrip()
 
 
 def balance(model: Model, states: Mapping[str, Array]) -> dict[str, tuple[Array, float]]:
@@ -122,28 +124,28 @@ def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
     """Return for each equation the (N,) force of the model's own effects along given states."""
     size = next(iter(states.values())).size
     forces = {force.name: np.zeros(size) for force in model.kind.forces}
-    for key in model.effects:
-        one = effect(key)
+    effects = [model.effect(key) for key in model.effects]
+    for one in (*effects, *([model.kind.own] if model.kind.own else [])):
         known: dict[str, Array | float] = {**states, **model.parameters.values()}
-        known.update({p.name: model[f'{key}.{p.name}'] for p in one.card.parameters})
+        known.update({p.name: model[f'{one.key}.{p.name}'] for p in one.card.parameters})
         if one.card.states:
-            known.update(_memory(key, known, states))
+            known.update(_memory(one, known, states))
         for name, law in one.laws.items():
-            if name in forces and set(inspect.signature(law).parameters) <= set(known):
+            force = name.removeprefix(SECOND)
+            if force in forces and set(inspect.signature(law).parameters) <= set(known):
                 arguments = [known[n] for n in inspect.signature(law).parameters]
-                forces[name] = forces[name] + law(*arguments)
+                forces[force] = forces[force] + law(*arguments)
     return forces
 
 
 def _memory(
-    key: str, known: Mapping[str, Array | float], states: Mapping[str, Array]
+    one: Effect, known: Mapping[str, Array | float], states: Mapping[str, Array]
 ) -> dict[str, Array]:
     """Integrate an effect's own states along measured states, one step a sample.
 
     Each state takes the newest value of those before it (semi-implicit Euler), which keeps a
     spring and a mass from growing; one that fades by itself does so exponentially.
     """
-    one = effect(key)
     time = states['t']
     own = dict.fromkeys(one.card.states, 0.0)
     own.update({s: float(states[x][0]) for s, x in one.card.begins.items() if x in states})

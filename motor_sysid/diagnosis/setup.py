@@ -23,6 +23,7 @@ from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.scales import Scales, scales_of
+from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -93,6 +94,16 @@ class Bench:
         return Problem(model, self.train, self.outputs, substeps=self.substeps)
 
 
+def prepared(
+    records: Sequence[Record], wanted: str | None, known: Mapping[str, float]
+) -> list[Record]:
+    """Return uniform records; a motor that needs its position is given one from Hall sectors."""
+    even = [record.uniform() for record in records]
+    if wanted and motor(wanted).needs_position:
+        even = [with_hall_position(record, known) for record in even]
+    return even
+
+
 def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
     """Return the motor kind: the wanted one, or the richest that the signals allow.
 
@@ -109,9 +120,11 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
         drivable = all(
             any(all(name in r for name in names) for names in kind.inputs) for r in records
         )
-        electrical = 'i' not in kind.states or all('current' in r for r in records)
+        currents = [o.signal for o in kind.outputs if o.state in kind.currents]
+        electrical = all(name in r for name in currents for r in records)
         moving = all('speed' in r or 'position' in r for r in records)
-        if drivable and electrical and moving:
+        placed = not kind.needs_position or all('position' in r for r in records)
+        if drivable and electrical and moving and placed:
             return kind
     have = ', '.join(sorted(set.intersection(*(set(r) for r in records)))) or 'none in common'
     raise UserError(
@@ -130,7 +143,7 @@ def base_fit(
     """Fit the linear motor, from several starts and with both kinds of speed sensor."""
     linear = all(unit_of(r) == 'm' for r in records)
     widths = _widths(kind, records)
-    begun = _inside(kind, kind.start(records))
+    begun = _inside(kind, kind.start(records, nominal))
     starts = [begun]
     if nominal:
         starts.append(_inside(kind, {**begun, **nominal}))
@@ -153,6 +166,7 @@ def make_bench(
     kind: Motor,
     model: Model | None = None,
     fraction: float = 0.2,
+    nominal: Mapping[str, float] | None = None,
 ) -> Bench:
     """Prepare the data for a motor kind.
 
@@ -162,10 +176,14 @@ def make_bench(
         Records; without validation records the last `fraction` of each is held back.
     model:
         A fitted model if there is one; it tells how far ahead a run may look without drifting.
+    nominal:
+        Data-sheet values.
     """
     everything = [*train, *validation]
     outputs = observed_outputs(kind, everything)
-    values = model.parameters.values() if model else _inside(kind, kind.start(train))
+    known = model.parameters.values() if model else nominal or {}
+    begun = _inside(kind, kind.start(train, known))
+    values = model.parameters.values() if model else begun
     defaults = {p.name: p.value for p in kind.parameters}
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
     keep = 1.0 if validation else 1.0 - fraction
@@ -195,7 +213,7 @@ def make_bench(
         horizon,
         thinned(fitting, kind, outputs, ROUGH_ROWS),
         sensors=_sensors(train, outputs),
-        begun=_inside(kind, kind.start(train)),
+        begun=begun,
     )  # fmt: skip
 
 
@@ -209,7 +227,7 @@ def look_ahead(
     looked at over twice its slowest time constant.
     """
     arrays = {name: np.array([v]) for name, v in values.items()}
-    a = kind.matrices(arrays)[0][0]
+    a = kind.like(arrays)[0][0]
     inner = [j for j, name in enumerate(kind.states) if name != 'theta']
     slowest = float(np.max(np.linalg.eigvals(a[np.ix_(inner, inner)]).real))
     time_constant = -1.0 / slowest if slowest < 0 else np.inf
@@ -239,7 +257,8 @@ def _widths(kind: Motor, records: Sequence[Record]) -> dict[str, float]:
     speed = np.concatenate([measured_speed(r) for r in records])
     widths = {'omega_eps': SPEED_WIDTH * float(np.sqrt(np.mean(speed**2)))}
     if 'i_eps' in names:
-        current = np.concatenate([r['current'] for r in records])
+        shown = next(o.signal for o in reversed(kind.outputs) if o.state in kind.currents)
+        current = np.concatenate([r[shown] for r in records])
         widths['i_eps'] = CURRENT_WIDTH * float(np.sqrt(np.mean(current**2)))
     return {name: max(width, 1e-9) for name, width in widths.items()}
 

@@ -46,7 +46,7 @@ def variants(
     out.
     """
     frozen = model.with_free([p.name for p in model.parameters.free], free=False)
-    for one in effects:
+    for one in map(model.kind.taking, effects):
         if one.key in model.effects or not model.admits(one):
             continue
         if any(one.key in effect(key).card.generalises for key in model.effects):

@@ -25,7 +25,18 @@ _SYMBOLS = {
     'mass_total_kg': 'J',
     'viscous_friction_Ns_per_m': 'b',
     'rated_torque_Nm': 'rated_torque',
+    'pole_pairs': 'pole_pairs',
+    'phase_resistance_ohm': 'R',
+    'phase_inductance_H': 'L',
+    'inductance_d_H': 'L_d',
+    'inductance_q_H': 'L_q',
+    'magnet_flux_linkage_Vs': 'psi_f',
+    'resistance_line_line_ohm': 'R',
+    'inductance_line_line_H': 'L',
+    'back_emf_constant_line_line_Vs_per_rad': 'k_e',
 }
+_BETWEEN_TERMINALS = '_line_line_'
+"""In the name of what is measured between two terminals: twice the value of a phase."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +75,7 @@ def load_datasheet(path: str | Path) -> Datasheet:
     if not isinstance(given, dict):
         raise UserError(f'data sheet {path}: `nominal` is not a mapping of names to numbers')
     nominal = {
-        _SYMBOLS[name]: _positive(path, name, value)
+        _SYMBOLS[name]: _positive(path, name, value) * (0.5 if _BETWEEN_TERMINALS in name else 1.0)
         for name, value in given.items()
         if name in _SYMBOLS
     }

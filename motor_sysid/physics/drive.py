@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.motors.speed import top_speed
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -26,12 +27,15 @@ class Drive:
     position:
         (N,) measured position that position-dependent laws see, or empty: then they see the
         simulated one.
+    speed:
+        Highest speed (rad/s) that the motor is known to reach; it decides on substeps.
     """
 
     inputs: Array
     dt: float
     start: float = 0.0
     position: Array = field(default_factory=lambda: _EMPTY)
+    speed: float = 0.0
 
     @classmethod
     def of(cls, record: Record, kind: Motor, *, follow_position: bool = True) -> 'Drive':
@@ -53,8 +57,9 @@ class Drive:
             position = record['position']
         elif follow_position and 'speed' in record:
             position = np.cumsum(record['speed']) * record.dt
-        columns = np.column_stack([record[name] for name in names])
-        return cls(np.ascontiguousarray(columns), record.dt, float(record.time[0]), position)
+        columns = np.ascontiguousarray(np.column_stack([record[name] for name in names]))
+        speed = top_speed(record) if kind.wave else 0.0
+        return cls(columns, record.dt, float(record.time[0]), position, speed)
 
 
 def input_signals(record: Record, kind: Motor) -> tuple[str, ...]:

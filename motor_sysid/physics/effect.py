@@ -15,10 +15,16 @@ argument names say what it needs, and nothing else has to be declared:
 ``current_sensor(...)`` and ``speed_sensor(...)`` are added to what the sensor shows;
 ``rate(...)`` gives the time derivative of the effect's own state.  A card with ``delay`` set names
 the parameter that delays the input.
+
+An effect serves every motor that has what its laws ask for.  Where a three-phase motor takes
+another law, that one bears the motor's frame: ``torque_dq``, ``rate_abc``; voltages have names of
+their own, ``voltage_d``, ``voltage_q``, ``voltage_a``, ``voltage_b``.  A part of an equation that
+does not go with a rate of change stands in a second law beside the one that does:
+``and_voltage_d``.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from enum import Enum
 import inspect
 from types import ModuleType
@@ -27,7 +33,7 @@ from motor_sysid.errors import UserError
 
 ARGUMENTS = (
     'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
-    'u_b', 'u_c', 'di', 'domega', 'turn',
+    'u_b', 'u_c', 'di', 'domega', 'turn', 'di_d', 'di_q', 'di_a', 'di_b',
 )  # fmt: skip
 """Every state, input and rate of change that a law may ask for, in the order of the kernel's
 rows."""
@@ -35,7 +41,10 @@ rows."""
 FORCES = ('torque', 'voltage', 'voltage_d', 'voltage_q', 'voltage_a', 'voltage_b', 'voltage_c')
 """Every equation that a law may be added to: these are the names of the law functions."""
 
-SENSORS = ('current_sensor', 'speed_sensor')
+SENSORS = (
+    'current_sensor', 'speed_sensor', 'current_d_sensor', 'current_q_sensor', 'current_a_sensor',
+    'current_b_sensor',
+)  # fmt: skip
 """Every sensor whose reading a law may change; the law's value is added to the signal."""
 
 SHORTFALLS = (
@@ -43,6 +52,12 @@ SHORTFALLS = (
     'never_slow', 'no_current', 'slow_sampling',
 )  # fmt: skip
 """Every shortfall of an excitation that may hide an effect."""
+
+SECOND = 'and_'
+"""Before the name of a law that is added to an equation beside another one of the same effect."""
+
+FRAMES = ('dq', 'abc')
+"""How the currents of a three-phase motor are told: on and across the magnet, or by phase."""
 
 Law = Callable[..., float]
 
@@ -160,8 +175,8 @@ class Card:
     rotary:
         Whether it needs an angle, and so makes no sense for a linear axis.
     shrinks:
-        Motor parameters that hold the effect's share while the model lacks it; they are divided by
-        one plus its first amplitude when it is added.
+        Motor parameters, those of every kind, that hold the effect's share while the model lacks
+        it; they are divided by one plus its first amplitude when it is added.
     orders:
         Name of the shape that counts waves per turn, if the data are to be searched for it.
     carrier:
@@ -225,6 +240,25 @@ class Effect:
     rates: dict[str, Law]
     source: str
 
+    def within(self, frame: str, targets: Iterable[str]) -> 'Effect':
+        """Return the effect with the laws that a motor of that frame and those equations takes.
+
+        Parameters
+        ----------
+        frame:
+            One of `FRAMES`, or empty for a motor with one current.
+        targets:
+            Names of the motor's equations and sensors.
+        """
+        named = [name for target in targets for name in (target, SECOND + target)]
+        laws = {name: law for name in named if (law := _of_frame(self.laws, name, frame))}
+        rates = {
+            state: law
+            for state in self.card.states
+            if (law := _of_frame(self.rates, state, frame))
+        }
+        return replace(self, laws=laws, rates=rates)
+
     def needs(self) -> set[str]:
         """Return the states, inputs and motor parameters that the laws ask for."""
         own = {p.name for p in self.card.parameters} | set(self.card.states)
@@ -232,6 +266,10 @@ class Effect:
         for law in (*self.laws.values(), *self.rates.values()):
             asked |= set(inspect.signature(law).parameters)
         return asked - own
+
+
+def _of_frame(laws: Mapping[str, Law], name: str, frame: str) -> Law | None:
+    return laws.get(f'{name}_{frame}') or laws.get(name)
 
 
 def load_effect(key: str, module: ModuleType) -> Effect:
@@ -251,13 +289,18 @@ def load_effect(key: str, module: ModuleType) -> Effect:
             f'effect file {where}: hidden_by names `{min(unknown)}`; '
             f'it may name {", ".join(SHORTFALLS)}'
         )
-    laws = {name: getattr(module, name) for name in (*FORCES, *SENSORS) if hasattr(module, name)}
+    forces = (*FORCES, *(f'torque_{frame}' for frame in FRAMES))
+    known = (*forces, *(SECOND + name for name in forces), *SENSORS)
+    laws = {name: getattr(module, name) for name in known if hasattr(module, name)}
     if not laws and not card.delay:
         raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')
     rates: dict[str, Law] = {}
     for state in card.states:
-        rate = getattr(module, f'rate_{state}', getattr(module, 'rate', None))
-        if rate is None:
+        for frame in ('', *FRAMES):
+            tail = f'_{frame}' if frame else ''
+            rate = getattr(module, f'rate_{state}{tail}', getattr(module, f'rate{tail}', None))
+            if rate is not None:
+                rates[f'{state}{tail}'] = rate
+        if state not in rates:
             raise UserError(f'effect file {where}: state `{state}` has no rate_{state}(...)')
-        rates[state] = rate
     return Effect(key, card, laws, rates, inspect.getsource(module))

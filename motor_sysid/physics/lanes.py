@@ -21,7 +21,7 @@ import numpy as np
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics import laws, native
-from motor_sysid.physics.effect import ARGUMENTS, Effect, FORCES, Law, SENSORS
+from motor_sysid.physics.effect import ARGUMENTS, Effect, FORCES, Law, SECOND, SENSORS
 
 LANES = native.LANES
 """Parameter vectors in one block."""
@@ -36,7 +36,7 @@ _TEMPLATE = """
 from numba import cfunc as _cfunc, njit as _njit
 from motor_sysid.physics.native import as_pointer as _as_pointer
 
-_law = _njit(error_model='numpy')({function})
+_law = _njit(error_model='numpy', forceinline=True)({function})
 
 
 @_cfunc('void(int64, int64, int64, int64)', cache=True, error_model='numpy')
@@ -100,12 +100,14 @@ class _Laws:
 
     def __init__(self, effect: Effect) -> None:
         self.effect = effect
+        named = (*effect.laws.items(), *effect.rates.items())
+        self.identity = (effect.source, tuple((name, law.__name__) for name, law in named))
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Laws) and other.effect.source == self.effect.source
+        return isinstance(other, _Laws) and other.identity == self.identity
 
     def __hash__(self) -> int:
-        return hash(self.effect.source)
+        return hash(self.identity)
 
 
 @cache
@@ -114,8 +116,9 @@ def _compile(
 ) -> tuple[Lane, ...]:
     effect = holder.effect
     lanes = [
-        _lane(effect, law, name, f'{ROW_OF_FORCE[name] * LANES}', motor_parameters)
+        _lane(effect, law, target, f'{ROW_OF_FORCE[target] * LANES}', motor_parameters)
         for name, law in effect.laws.items()
+        for target in [name.removeprefix(SECOND)]
     ]
     count = len(effect.card.states)
     for index, (state, rate) in enumerate(effect.rates.items()):

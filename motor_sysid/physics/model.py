@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effect import Amplitude, Effect, SENSORS, Shape
+from motor_sysid.physics.effect import Amplitude, Effect, Shape
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.motors.base import Motor
@@ -103,11 +103,13 @@ class Model:
         UserError
             If the effect is unknown, is there already, or needs what the motor does not have.
         """
-        new = effect(key)
+        new = self.kind.taking(effect(key))
         if key in self.effects:
             raise UserError(f'the model has `{key}` already')
         if not self.admits(new):
             missing = sorted(new.needs() - self.kind.names())
+            if not missing and not new.laws:
+                missing = ['an equation or a sensor']
             missing = missing or ['an angle' if new.card.rotary else 'a speed sensor of its own']
             raise UserError(
                 f'`{key}` needs {", ".join(missing)}, which this {self.kind.title} model '
@@ -130,14 +132,18 @@ class Model:
         )
         return replace(slim, effects=(*slim.effects, key), parameters=parameters)
 
+    def effect(self, key: str) -> Effect:
+        """Return an effect with the laws that this motor takes."""
+        return self.kind.taking(effect(key))
+
     def admits(self, one: Effect) -> bool:
         """Whether the effect makes sense for this motor: it asks for nothing that is not there.
 
         Counts differenced over a sample have no offset and no wrong scale, though they may be
         filtered, and a linear axis has no angle.
         """
-        shown = {f'{output.signal}_sensor' for output in self.kind.outputs}
-        if not set(one.laws) & set(SENSORS) <= shown:
+        one = self.kind.taking(one)
+        if not one.laws and not one.card.delay:
             return False
         counted = self.speed_sensor is SpeedSensor.DIFFERENCE
         if counted and 'speed_sensor' in one.laws and not one.card.states:

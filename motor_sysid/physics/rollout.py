@@ -66,7 +66,8 @@ class Program:
         outputs: Sequence[str],
         speed_sensor: SpeedSensor = SpeedSensor.IDEAL,
     ) -> None:
-        self.kind, self.effects, self.outputs = kind, tuple(effects), tuple(outputs)
+        self.kind, self.outputs = kind, tuple(outputs)
+        self.effects = tuple(kind.taking(one) for one in effects)
         self.speed_sensor = speed_sensor
         self.names = tuple(p.name for p in kind.parameters) + tuple(
             f'{e.key}.{p.name}' for e in effects for p in e.card.parameters
@@ -110,6 +111,9 @@ class Program:
             ]
             for lane in compile_effect(one, motor_names):
                 calls.add(lane, own, state, in_core=one.card.linear)
+        if self.kind.own:
+            for lane in compile_effect(self.kind.own, motor_names):
+                calls.add(lane, 0, 0)
         self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
         self._delay_names = [self.names.index(name) for name in delays]
@@ -198,7 +202,7 @@ class Program:
             For each stretch (N, 2, m, P) forces from outside, at the start and at the end of each
             sample, in the order of the motor's forces; or nothing.
         substeps:
-            Integration steps per sample.
+            Integration steps per sample, times those that the motor's speed asks for.
         threads:
             Blocks of 32 that may run at the same time.
 
@@ -212,6 +216,8 @@ class Program:
             table[row] = values[name]
         states = [np.broadcast_to(x, (size, len(self.kind.states))) for x in initials]
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
+        top = max(drive.speed for drive in drives)
+        steps = substeps * self.substeps(table[:, 0], top, drives[0].dt)
 
         def one(block: slice) -> list[Array]:
             return self._run_block(
@@ -220,7 +226,7 @@ class Program:
                 [state[block] for state in states],
                 [push[..., block] for push in pushes] or [self._unpushed] * len(drives),
                 frozenset((0, *restarts)),
-                substeps,
+                steps,
             )
 
         if threads > 1 and len(blocks) > 1:
@@ -254,6 +260,12 @@ class Program:
             self.advance(workspace, x, drive, substeps, outputs, push=filled(push))
             results.append(outputs[:, :, :used])
         return results
+
+    def substeps(self, column: Array, speed: float, dt: float) -> int:
+        """Return how many steps a sample takes with parameters (K,) at a speed in rad/s."""
+        if not self.kind.wave:
+            return 1
+        return self.kind.substeps(dict(zip(self.names, column, strict=True)), speed, dt)
 
     def workspace(
         self, table: Array, dt: float, substeps: int = 1, *, delayed: bool = True
@@ -372,7 +384,8 @@ def simulate(
     follow_position:
         Whether laws see the measured position (default) or the simulated one.
     substeps:
-        Integration steps per sample.
+        Integration steps per sample; a three-phase motor takes more of them by itself where it
+        turns fast.
     """
     even = record.uniform()
     signals = tuple(outputs or (o.signal for o in model.kind.outputs))

@@ -52,17 +52,29 @@ def scales_of(key: str, values: dict[str, float], records: Sequence[Record]) -> 
     kind = motor(key)
     torque = np.concatenate([kind.drive_torque(values, record) for record in records])
     speed = np.concatenate([measured_speed(record) for record in records])
-    current = _joined(records, 'current')
+    current = _size(records, 'current', kind.frame)
     resistance = values.get('R', 1.0)
     return Scales(
         torque=_rms(torque),
         speed=_rms(speed),
-        current=_rms(current),
-        voltage=_rms(_joined(records, 'voltage')),
+        current=current,
+        voltage=_size(records, 'voltage', kind.frame),
         sample=records[0].dt,
         duration=max(record.duration for record in records),
-        loss=max(resistance * _rms(current) ** 2, 1e-12),
+        loss=max((1.5 if kind.frame else 1.0) * resistance * current**2, 1e-12),
     )
+
+
+def _size(records: Sequence[Record], name: str, frame: str) -> float:
+    """Return the RMS of a current or voltage; of three phases that of their amplitude."""
+    if frame == 'dq':
+        return math.hypot(*(_rms(_joined(records, f'{name}_{axis}')) for axis in frame))
+    if frame == 'abc':
+        a, b = (_joined(records, f'{name}_{phase}') for phase in 'ab')
+        c = _joined(records, f'{name}_c') if name == 'voltage' else -a - b
+        star = (a + b + c) / 3
+        return math.sqrt(2) * _rms(np.concatenate([a - star, b - star, c - star]))
+    return _rms(_joined(records, name))
 
 
 def _joined(records: Sequence[Record], name: str) -> np.ndarray:

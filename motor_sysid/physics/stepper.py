@@ -8,6 +8,7 @@ import numpy as np
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors.base import paced
 from motor_sysid.physics.rollout import Program
 
 
@@ -21,7 +22,7 @@ class Stepper:
     dt:
         Sample time in s.
     substeps:
-        Integration steps per sample.
+        Integration steps per sample, times those that the motor's speed asks for.
     """
 
     def __init__(self, model: Model, dt: float, substeps: int = 1) -> None:
@@ -29,13 +30,15 @@ class Stepper:
         self._substeps = substeps
         self._program = Program.of(model, tuple(o.signal for o in model.kind.outputs))
         self._outputs = np.empty((1, len(self._program.outputs), LANES))
+        self._omega = model.kind.states.index('omega')
         self.reset()
 
     def reset(self, **state: float) -> None:
         """Start again at rest, or at the given state (``omega=...``, ``theta=...``)."""
         values = self.model.parameters.values()
-        table = np.array([[values[name]] for name in self._program.names])
-        self._workspace = self._program.workspace(table, self.dt, self._substeps)
+        self._table = np.array([[values[name]] for name in self._program.names])
+        self._steps = self._substeps
+        self._workspace = self._program.workspace(self._table, self.dt, self._steps)
         depth = int(self._workspace.late[0]) + 2 if self._workspace.late.size else 1
         self._history = np.zeros((depth, len(self.model.kind.arguments)))
         start = [state.get(name, 0.0) for name in self.model.kind.states]
@@ -50,10 +53,19 @@ class Stepper:
         start = (self._count - len(self._history) + 1) * self.dt
         drive = Drive(self._history, self.dt, start)
         last = len(self._history) - 1
-        self._program.advance(
-            self._workspace, self._x, drive, self._substeps, self._outputs, last
-        )
+        self._keep_pace()
+        self._program.advance(self._workspace, self._x, drive, self._steps, self._outputs, last)
         self._count += 1
+
+    def _keep_pace(self) -> None:
+        """Take as many substeps as the speed asks for."""
+        speed = float(self._x[self._omega, 0])
+        wanted = self._program.substeps(self._table[:, 0], speed, self.dt)
+        fresh = self._substeps * paced(self._steps // self._substeps, wanted)
+        if fresh != self._steps:
+            self._steps, before = fresh, self._workspace
+            self._workspace = self._program.workspace(self._table, self.dt, fresh)
+            self._workspace.buffer[:] = before.buffer
 
     @cached_property
     def _biases(self) -> dict[str, float]:

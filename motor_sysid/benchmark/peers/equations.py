@@ -93,7 +93,7 @@ def _rough_model(records: Sequence[Record]) -> Model:
     boxes = {p.name: p for p in kind.parameters}
     values = {
         name: float(np.clip(value, boxes[name].lower, boxes[name].upper))
-        for name, value in kind.start(records).items()
+        for name, value in kind.start(records, {}).items()
     }
     late = 'position' in records[0]
     sensor = SpeedSensor.DIFFERENCE if late else SpeedSensor.IDEAL

@@ -172,6 +172,7 @@ def _window(
             drive.dt,
             drive.start + begin * drive.dt,
             drive.position[begin:last],
+            drive.speed,
         ),
     )
 
@@ -189,6 +190,7 @@ def _stretch(
     at_rest = bool(np.all(np.abs(head) <= 1e-3 * top))
     state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
     still_open: list[int] = []
+    shown = {o.state: o.signal for o in kind.outputs if o.state in kind.currents}
     for j, name in enumerate(kind.states):
         if name == 'omega' and not at_rest:
             state[j], size[j] = _value_at(speed, first), 1e-3 * top
@@ -198,8 +200,8 @@ def _stretch(
             if 'position' in outputs:
                 size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
                 still_open.append(j)
-        elif name == 'i' and 'current' in record and not at_rest:
-            state[j] = _value_at(even['current'], first)
+        elif name in shown and shown[name] in record and not at_rest:
+            state[j] = _value_at(even[shown[name]], first)
     return Stretch(record, drive, measured, state, tuple(still_open), size, scored_from)
 
 

@@ -68,6 +68,7 @@ class Equation:
         free = model.parameters
         self._free = [t for t in balance.terms if free[t.parameter].free]
         held = [t for t in balance.terms if not free[t.parameter].free]
+        held += balance.given
         self._biased = [k for k, t in enumerate(self._free) if _offset_of(t, offset)]
         self._offset = _offset_of(self._free[self._biased[0]], offset) if self._biased else ''
         laws = [c.name for c in self._laws.columns if c.name]
@@ -76,7 +77,8 @@ class Equation:
         self._block = max(round(max(_BLOCK / bandwidth, memory / 100) / dt / self._every), 2)
         self._forget = math.exp(-self._every * dt / memory)
         terms = (balance.drive, *held, *self._free)
-        factors = [math.prod(model[name] for name in term.factors) for term in terms]
+        factors = [math.prod((t.sign, *(model[name] for name in t.factors))) for t in terms]
+        self._given = {1 + k: t.parameter for k, t in enumerate(held) if t in balance.given}
         self._terms = signal_places(terms, signals, offset), np.array(factors)
         self._roles, self._weights = self._columns(held)
         self._filter = StateVariableFilter(self._weights.size, bandwidth)
@@ -105,9 +107,14 @@ class Equation:
         weights += [-1.0 if column.name else 1.0 for column in laws]
         return np.array([places, derivatives], dtype=np.int64), np.array(weights)
 
+    def give(self, values: Mapping[str, float]) -> None:
+        """Set parameters that other equations find."""
+        for place, name in self._given.items():
+            self._weights[place] = -values.get(name, self._model[name])
+
     def needs(self) -> set[str]:
-        """Return the states and inputs that the equation reads."""
-        terms = [self._balance.drive, *self._balance.terms]
+        """Return the states, inputs and derived signals that the equation reads."""
+        terms = [self._balance.drive, *self._balance.terms, *self._balance.given]
         return {signal for term in terms for signal in term.signals} | self._laws.needs
 
     def restart(self, measured: Array, tracked: Array) -> None:

@@ -61,6 +61,11 @@ _LEAST = 0.03
 _RISE, _FALL, _MOST = 1.02, 0.999, 1e3
 
 
+def sensor_parameters(model: Model) -> list[str]:
+    """Return the parameters of the model's motor that only its sensors show: offsets."""
+    return [*(o.bias for o in model.kind.outputs if o.bias), *model.kind.shown]
+
+
 class JointFilter:
     """Extended Kalman filter over the motion and, jointly, its parameters.
 
@@ -95,7 +100,7 @@ class JointFilter:
     ) -> None:
         names = [p.name for p in model.parameters.free] if estimated is None else list(estimated)
         delays = [f'{key}.{effect(key).card.delay}' for key in model.effects]
-        biases = [o.bias for o in model.kind.outputs if o.bias in names]
+        biases = [name for name in sensor_parameters(model) if name in names]
         moved = [name for name in names if name not in delays and name not in biases]
         self.model, self._dt, self._tuning, self._reported = model, dt, tuning, names
         self._coordinates = Coordinates([model.parameters[n] for n in (*moved, *biases)])

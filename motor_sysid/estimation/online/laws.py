@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.effect import Effect
-from motor_sysid.physics.effects import effect
 from motor_sysid.physics.kernel import call_all, evaluate_rates
 from motor_sysid.physics.lanes import (
     compile_effect,
@@ -83,10 +82,11 @@ class LawColumns:
         self._keep: list[Lane] = []
         self.columns: tuple[Column, ...] = ()
         self.needs: set[str] = set()
-        for one in map(effect, model.effects):
+        for one in map(model.effect, model.effects):
             if set(targets) & set(one.laws) and (memory or not one.card.states):
                 self._add(model, one, targets, compile_effect(one, tuple(motor)))
                 self.needs |= one.needs() - {*model.parameters.values(), 't', 'turn'}
+        self._add_shown(model, targets, motor)
         buffer = np.concatenate(self._rows)
         calls = np.array(self._calls, dtype=np.int64).reshape(-1, 5)
         reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]
@@ -123,6 +123,22 @@ class LawColumns:
                 self._add_columns(model, one, lane, free, state)
             elif lane.target in one.card.states:
                 self._rates.append((lane, plain, state, len(one.card.states)))
+
+    def _add_shown(self, model: Model, targets: Sequence[str], motor: Sequence[str]) -> None:
+        """Add the laws of the motor's own sensors, one column for each parameter of theirs."""
+        own, names = model.kind.own, model.kind.shown
+        if own is None or not names or not set(targets) & set(own.laws):
+            return
+        for k, name in enumerate(names):
+            row = np.zeros(LANES)
+            row[k] = 1.0
+            self._rows[FIRST_PARAMETER_ROW + motor.index(name)] = row
+        for lane in compile_effect(own, tuple(motor)):
+            if lane.target in targets:
+                self._keep.append(lane)
+                self.columns += tuple(Column(name, lane.target) for name in names)
+                target = ROW_OF_FORCE[lane.target] * LANES
+                self._calls.append((lane.address, 0, 0, target, len(names)))
 
     def _add_columns(
         self, model: Model, one: Effect, lane: Lane, free: Sequence[str], state: int

@@ -12,6 +12,7 @@ from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors.base import paced
 from motor_sysid.physics.rollout import Program
 from motor_sysid.physics.workspace import Workspace
 
@@ -70,7 +71,8 @@ class Motion:
         self._memory_rows = np.array(self._program.memory_offsets, dtype=np.intp) // LANES
         self._memory = np.zeros(self._memory_rows.size)
         self._blocks: list[_Block] = []
-        self._center, self._length = np.zeros(self._p), 0.0
+        self._center, self._length, self._substeps = np.zeros(self._p), 0.0, 1
+        self._omega = model.kind.states.index('omega')
         self._used, self._fresh = np.zeros(self._n + self._p), True
         self._slope = np.zeros((self._n, self._n + self._p))
         self._straight = np.zeros((self._n, 0))
@@ -111,7 +113,10 @@ class Motion:
         """
         n = self._n
         far = abs(h - self._length) >= _SAME or _is_far(z, self._center, steps[n:])
-        if far or not self._blocks:
+        wanted = self._program.substeps(self._values, float(x[self._omega]), h)
+        substeps = paced(self._substeps, wanted)
+        if far or not self._blocks or substeps != self._substeps:
+            self._substeps = substeps
             self._prepare(z, steps[n:], h)
         self._used[:n] = steps[:n]
         drive = Drive(u[np.newaxis, :], h, time)
@@ -121,7 +126,8 @@ class Motion:
         self._fresh = False
         self._remember(self._blocks[-1])
         state = _at(block.lanes, self._slope, z, self._center)
-        return Move(state, self._slope, block.workspace.by_force[:n], self._straight)
+        by_force = block.workspace.by_force[:n] * self._substeps
+        return Move(state, self._slope, by_force, self._straight)
 
     def scatter(self, x: Array, z: Array, u: Array, time: float, h: float) -> tuple[Array, Array]:
         """Advance a cloud of points by one sample; own states of effects are those of the first.
@@ -141,6 +147,8 @@ class Motion:
         """
         after, by_force = np.empty_like(x), None
         memory, drive = self._memory, Drive(u[np.newaxis, :], h, time)
+        wanted = self._program.substeps(self._values, float(x[0, self._omega]), h)
+        self._substeps = paced(self._substeps, wanted)
         for first in range(0, len(x), LANES):
             part = slice(first, min(first + LANES, len(x)))
             block = self._block_of(z[part].T, h)
@@ -149,7 +157,7 @@ class Motion:
             self._simulate(block, drive, memory)
             after[part] = block.lanes[:, : len(x[part])].T
             if by_force is None:
-                by_force = block.workspace.by_force[: self._n]
+                by_force = block.workspace.by_force[: self._n] * self._substeps
                 self._remember(block)
         self._fresh, self._blocks = False, []
         assert by_force is not None
@@ -173,7 +181,7 @@ class Motion:
         """Return simulations with coordinates (p, K)."""
         table = np.repeat(self._values[:, np.newaxis], cloud.shape[1], axis=1)
         table[self._rows] = self._moved.values(cloud.T).T
-        workspace = self._program.workspace(table, h, delayed=False)
+        workspace = self._program.workspace(table, h, self._substeps, delayed=False)
         return _Block(first, last, np.empty((self._n, LANES)), workspace)
 
     def _run(self, block: '_Block', x: Array, drive: Drive, memory: Array) -> None:
@@ -195,7 +203,9 @@ class Motion:
             rows[self._memory_rows] = memory[:, np.newaxis]
             if self._fresh:
                 self._program.begin(block.workspace, block.lanes)
-        self._program.advance(block.workspace, block.lanes, drive, 1, _NO_OUTPUTS)
+        self._program.advance(
+            block.workspace, block.lanes, drive, self._substeps, _NO_OUTPUTS
+        )
 
 
 @dataclass(frozen=True)

@@ -80,6 +80,10 @@ class Regressions:
         self._despiker.restart(y)
         self._fresh = True
 
+    def set_sensors(self, known: Mapping[str, float]) -> None:
+        """Set the present estimates of parameters that only laws of sensors read."""
+        self._regressors.set_sensors(known)
+
     def push(self, sample: Sample, sizes: Sizes | None) -> bool:
         """Take a sample; `sizes` are those seen so far, None before any input.
 
@@ -121,6 +125,8 @@ class Regressions:
         a = self.model.kind.matrices({name: np.array([v]) for name, v in table.items()})[0][0]
         self._regressors.set_dynamics(a)
         self._regressors.set_offsets({name: value for name, (value, *_) in self._found.items()})
+        for equation in self._equations:
+            equation.give(self.used)
         names = [balance.drive.parameter for balance in self._balances]
         self._drives = [self._drive(name, self._found)[0] for name in names]
 
@@ -136,7 +142,8 @@ class Regressions:
         """Return what the equations know now."""
         found: Found = {}
         for equation, balance in zip(self._equations, self._balances, strict=True):
-            found.update(equation.found(self._drive(balance.drive.parameter, found)))
+            for name, one in equation.found(self._drive(balance.drive.parameter, found)).items():
+                found[name] = _together(found[name], one) if name in found else one
         return found
 
     def settled(self, found: Found | None = None) -> dict[str, tuple[float, float]]:
@@ -176,6 +183,15 @@ class Regressions:
         return whole
 
 
+def _together(
+    one: tuple[float, float, float], other: tuple[float, float, float]
+) -> tuple[float, float, float]:
+    """Return value, sigma and prior of a parameter that two equations tell."""
+    weights = [1.0 / max(sigma, 1e-300) ** 2 for _, sigma, _ in (one, other)]
+    value = (weights[0] * one[0] + weights[1] * other[0]) / sum(weights)
+    return value, 1.0 / math.sqrt(sum(weights)), min(one[2], other[2])
+
+
 def _sensible_box(p: Parameter) -> tuple[float, float]:
     if Coordinates([p]).log[0]:
         return max(p.lower, p.value / _REACH), min(p.upper, p.value * _REACH)
@@ -193,7 +209,7 @@ def _prior(model: Model, sizes: Sizes, dt: float) -> dict[str, float]:
 def _bandwidth(model: Model, dt: float) -> float:
     """Return the mean of the fastest and slowest time constant, as far as sampling allows."""
     values = {p.name: np.array([p.value]) for p in model.parameters}
-    rates = np.abs(np.linalg.eigvals(model.kind.matrices(values)[0][0]))
+    rates = np.abs(np.linalg.eigvals(model.kind.like(values)[0][0]))
     rates = rates[rates > 1e-9]
     middle = math.sqrt(float(rates.min()) * float(rates.max())) if rates.size else 0.0
     return min(max(middle, _SLOWEST / dt), _FASTEST / dt)

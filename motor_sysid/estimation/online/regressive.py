@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.despike import Sample
-from motor_sysid.estimation.online.joint import JointFilter
+from motor_sysid.estimation.online.joint import JointFilter, sensor_parameters
 from motor_sysid.estimation.online.learners.base import Learner
 from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.regressions import Regressions
@@ -53,6 +53,7 @@ class Regressive(OnlineEstimator):
     ) -> None:
         self.tracker = motion_filter(model, dt, outputs, tuning)
         self.regressions = Regressions(model, dt, outputs, tuning, learner)
+        self._shown = [name for name in model.kind.shown if model.parameters[name].free]
 
     def restart(self, y: Array) -> None:
         """Take up the motion anew; what was learned stays."""
@@ -66,11 +67,15 @@ class Regressive(OnlineEstimator):
         sample = Sample(time, h, u, y, before, self.tracker.state)
         if self.regressions.push(sample, self.tracker.sizes):
             self.tracker.motion.set_values(self.regressions.used)
+            if self._shown:
+                known = self.tracker.estimate()
+                self.regressions.set_sensors({n: known[n].value for n in self._shown})
         return predicted
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters; those that no equation holds are as they were."""
-        return self.regressions.estimate()
+        found, tracked = self.regressions.estimate(), self.tracker.estimate()
+        return {name: tracked[name] if name in self._shown else one for name, one in found.items()}
 
     def covariance(self) -> Array:
         """Return the covariance of all coefficients, equation by equation."""
@@ -79,5 +84,5 @@ class Regressive(OnlineEstimator):
 
 def motion_filter(model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> JointFilter:
     """Return a filter that estimates the motion and sensor offsets, but no parameter."""
-    biases = [o.bias for o in model.kind.outputs if o.bias and model.parameters[o.bias].free]
+    biases = [name for name in sensor_parameters(model) if model.parameters[name].free]
     return JointFilter(model, dt, outputs, tuning, biases)

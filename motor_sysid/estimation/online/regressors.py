@@ -1,6 +1,7 @@
 """The signals that regressions read, at both ends of a sample, from measured outputs."""
 
 from collections.abc import Iterable, Mapping, Sequence
+import inspect
 import math
 
 from numba import njit
@@ -8,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.online.derived import DerivedSignals
 from motor_sysid.estimation.online.despike import Sample
 from motor_sysid.estimation.online.reading import add_shown, readings
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -19,13 +21,13 @@ RAW = 'raw '
 """Before the name of a state: as measured, its sensor's estimated offset not taken off."""
 
 _PATIENCE = 3
-_NONE = np.empty(0)
 _SLOW = 1e-2
 
 
 def signal_names(kind: Motor) -> tuple[str, ...]:
     """Return the names of the signals of a motor kind in the order of their vector."""
-    return (*kind.states, *kind.arguments, 't', 'turn', *(RAW + state for state in kind.states))
+    raw = (RAW + state for state in kind.states)
+    return (*kind.states, *kind.arguments, 't', 'turn', *kind.derived, *raw)
 
 
 class Regressors:
@@ -70,11 +72,17 @@ class Regressors:
         for state, bias in self._bias.items():
             if not model.parameters[bias].free:
                 self._offset[:, states.index(state)] = model[bias]
-        self._readings = readings(model, outputs, {})
+        self._shown_names = kind.shown
+        self._shown = np.array([model[name] for name in kind.shown])
+        self._readings = readings(model, outputs, {n: k for k, n in enumerate(kind.shown)})
         self._rates, self._pull = np.zeros(len(states)), np.zeros((len(states), len(states)))
         self.measured = np.zeros((2, len(signal_names(kind))))
         self.tracked = np.zeros_like(self.measured)
         self._angle = np.zeros(1)
+        self._derived = DerivedSignals(model, signal_names(kind))
+        asked = {n: inspect.signature(law).parameters for n, law in kind.derived.items()}
+        self._needed = {name: set(parameters) for name, parameters in asked.items()}
+        self._held = set(model.parameters.values())
         self.restart(np.full(len(outputs), np.nan))
 
     def require(self, names: Iterable[str]) -> None:
@@ -89,7 +97,8 @@ class Regressors:
         have = {*seen, *self._inputs}
         if 'theta' in have or 'omega' in have:
             have |= {'theta', 'omega'}
-        missing = sorted(set(names) - have)
+        asked = {n for name in names for n in self._needed.get(name, {name})}
+        missing = sorted(asked - have - self._held)
         if missing:
             raise UserError(
                 f'recursive least squares of a {self._title} needs `{", ".join(missing)}` '
@@ -106,6 +115,11 @@ class Regressors:
         for state, bias in self._bias.items():
             if bias in known:
                 self._offset[1, self._states.index(state)] = known[bias]
+
+    def set_sensors(self, known: Mapping[str, float]) -> None:
+        """Set the present estimates of parameters that only laws of sensors read."""
+        for k, name in enumerate(self._shown_names):
+            self._shown[k] = known.get(name, self._shown[k])
 
     def restart(self, y: Array) -> None:
         """Begin at measured outputs."""
@@ -124,19 +138,21 @@ class Regressors:
         before, self._last = self._last, self._last.copy()
         fine = _set_ends(
             sample.y, before, self._last, self._column, self._offset, *self._readings,
-            self.measured,
+            self._shown, self.measured,
         )  # fmt: skip
         _bend(
             self.measured, self.tracked, sample.u, sample.time, sample.length, sample.before,
             sample.after, self._column, self._rates, self._pull, self._motion, self._angle,
         )  # fmt: skip
+        self._derived.fill(self.measured)
+        self._derived.fill(self.tracked)
         self._missing = 0 if fine else self._missing + 1
         return self._missing <= _PATIENCE
 
 
 @njit(cache=True, error_model='numpy')
 def _set_ends(  # type: ignore[no-untyped-def]
-    y, before, now, column, offset, buffer, base, calls, reads, columns, factors, ends
+    y, before, now, column, offset, buffer, base, calls, reads, columns, factors, shown, ends
 ):  # fmt: skip
     """Set states and raw states at both ends (2, S) from the outputs there.
 
@@ -169,7 +185,7 @@ def _set_ends(  # type: ignore[no-untyped-def]
             ends[end, raw + s] = value - offset[0, s]
             ends[end, s] = value - offset[1, s]
         more[:] = 0.0
-        add_shown(buffer, base, calls, reads, columns, factors, ends[end], _NONE, more)
+        add_shown(buffer, base, calls, reads, columns, factors, ends[end], shown, more)
         for s in range(n):
             if column[s] >= 0:
                 ends[end, raw + s] -= more[column[s]]

@@ -44,7 +44,7 @@ class Sizes:
         """Return the sizes for a unit step, from the linear core of the model."""
         kind = model.kind
         values = {p.name: np.array([p.value]) for p in model.parameters}
-        a, b, g = (part[0] for part in kind.matrices(values))
+        a, b, g = (part[0] for part in kind.like(values))
         leak, drive = a - np.eye(len(a)) / _RECORD, b.sum(axis=1)
         rise = np.linalg.solve(leak, -np.column_stack([drive, g]))
         own = [kind.states.index(force.own_state) for force in kind.forces]
@@ -77,6 +77,9 @@ def prior_sigma(model: Model, names: Sequence[str], sizes: Sizes, dt: float) -> 
     }
     for output in model.kind.outputs:
         spread[output.bias] = _PRIOR_BIAS * sizes.state[model.kind.states.index(output.state)]
+    largest = max((s for n, s in zip(model.kind.states, sizes.state, strict=True)
+                   if n in model.kind.currents), default=1.0)
+    spread |= dict.fromkeys(model.kind.shown, _PRIOR_BIAS * largest)
     return np.array([_spread(model, name, spread) for name in names])
 
 
@@ -93,12 +96,13 @@ def _spread(model: Model, name: str, spread: dict[str, float]) -> float:
 def _scales(model: Model, sizes: Sizes, dt: float) -> Scales:
     state = dict(zip(model.kind.states, sizes.state, strict=True))
     force = dict(zip([f.name for f in model.kind.forces], sizes.force, strict=True))
-    current = state.get('i', 1.0)
+    current = max((state[name] for name in model.kind.currents), default=1.0)
+    voltage = max((f for name, f in force.items() if name != 'torque'), default=1.0)
     return Scales(
         torque=force['torque'],
         speed=state['omega'],
         current=current,
-        voltage=force.get('voltage', 1.0),
+        voltage=voltage,
         sample=dt,
         duration=_RECORD,
         loss=model.parameters.values().get('R', 1.0) * current**2,

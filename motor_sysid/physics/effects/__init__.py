@@ -41,6 +41,7 @@ _FILES = (
     'brush_voltage_drop',
     'armature_heating',
     'inductance_saturation',
+    'emf_harmonics',
     'current_sensor_lag',
     'current_sensor_scale',
     'current_sensor_offset',

@@ -31,3 +31,33 @@ def voltage(i: float, R: float, q: float, h: float) -> float:
 def rate(i: float, R: float, q: float, h: float, t_th: float) -> float:
     """Rate of the stored energy in W."""
     return R * (1.0 + h * q) * i * i - q / t_th
+
+
+def voltage_d(i_d: float, R: float, q: float, h: float) -> float:
+    """Voltage in V."""
+    return -R * h * q * i_d
+
+
+def voltage_q(i_q: float, R: float, q: float, h: float) -> float:
+    """Voltage in V."""
+    return -R * h * q * i_q
+
+
+def rate_dq(i_d: float, i_q: float, R: float, q: float, h: float, t_th: float) -> float:
+    """Rate of the stored energy in W."""
+    return 1.5 * R * (1.0 + h * q) * (i_d * i_d + i_q * i_q) - q / t_th
+
+
+def voltage_a(i_a: float, R: float, q: float, h: float) -> float:
+    """Voltage in V."""
+    return -R * h * q * i_a
+
+
+def voltage_b(i_b: float, R: float, q: float, h: float) -> float:
+    """Voltage in V."""
+    return -R * h * q * i_b
+
+
+def rate_abc(i_a: float, i_b: float, R: float, q: float, h: float, t_th: float) -> float:
+    """Rate of the stored energy in W."""
+    return 2.0 * R * (1.0 + h * q) * (i_a * i_a + i_a * i_b + i_b * i_b) - q / t_th

@@ -17,3 +17,23 @@ CARD = Card(
 def current_sensor(i: float, g: float) -> float:
     """Return what is added to the reading, in A."""
     return g * i
+
+
+def current_d_sensor(i_d: float, g: float) -> float:
+    """Return what is added to the reading, in A."""
+    return g * i_d
+
+
+def current_q_sensor(i_q: float, g: float) -> float:
+    """Return what is added to the reading, in A."""
+    return g * i_q
+
+
+def current_a_sensor(i_a: float, g: float) -> float:
+    """Return what is added to the reading, in A."""
+    return g * i_a
+
+
+def current_b_sensor(i_b: float, g: float) -> float:
+    """Return what is added to the reading, in A."""
+    return g * i_b

@@ -1,7 +1,7 @@
 """Gear friction: it grows with the torque that the gear transmits."""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
-from motor_sysid.physics.laws import smooth_sign
+from motor_sysid.physics.laws import smooth_sign, THIRD, trapezoid
 
 CARD = Card(
     title='load-dependent friction',
@@ -19,3 +19,23 @@ CARD = Card(
 def torque(i: float, omega: float, omega_eps: float, k_t: float, mu: float) -> float:
     """Torque in N m."""
     return -mu * k_t * abs(i) * smooth_sign(omega, omega_eps)
+
+
+def torque_dq(
+    i_d: float, i_q: float, omega: float, omega_eps: float, psi_f: float, L_d: float, L_q: float,
+    pole_pairs: float, mu: float,
+) -> float:  # fmt: skip
+    """Torque in N m."""
+    driven = 1.5 * pole_pairs * (psi_f + (L_d - L_q) * i_d) * i_q
+    return -mu * abs(driven) * smooth_sign(omega, omega_eps)
+
+
+def torque_abc(
+    i_a: float, i_b: float, theta: float, omega: float, omega_eps: float, k_e: float,
+    pole_pairs: float, angle_offset: float, flat: float, mu: float,
+) -> float:  # fmt: skip
+    """Torque in N m."""
+    s = pole_pairs * theta + angle_offset
+    c = trapezoid(s + THIRD, flat)
+    driven = (trapezoid(s, flat) - c) * i_a + (trapezoid(s - THIRD, flat) - c) * i_b
+    return -mu * k_e * abs(driven) * smooth_sign(omega, omega_eps)

@@ -25,3 +25,13 @@ def torque(i: float, k_t: float, s: float) -> float:
 def voltage(i: float, omega: float, k_t: float, emf_ratio: float, s: float) -> float:
     """Voltage in V."""
     return s * emf_ratio * k_t * omega * abs(i)
+
+
+def torque_dq(i_q: float, psi_f: float, pole_pairs: float, s: float) -> float:
+    """Torque in N m."""
+    return -1.5 * s * pole_pairs * psi_f * i_q * abs(i_q)
+
+
+def voltage_q(i_q: float, omega: float, psi_f: float, pole_pairs: float, s: float) -> float:
+    """Voltage in V."""
+    return s * pole_pairs * psi_f * omega * abs(i_q)

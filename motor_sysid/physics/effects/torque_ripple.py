@@ -43,3 +43,21 @@ def voltage(
     """Voltage in V."""
     wave = (a * cos(n * theta) + b * sin(n * theta)) * step_share(n * turn)
     return -emf_ratio * k_t * omega * wave
+
+
+def torque_dq(
+    i_q: float, theta: float, turn: float, psi_f: float, pole_pairs: float, a: float, b: float,
+    n: float,
+) -> float:  # fmt: skip
+    """Torque in N m."""
+    wave = (a * cos(n * theta) + b * sin(n * theta)) * step_share(n * turn)
+    return 1.5 * pole_pairs * psi_f * i_q * wave
+
+
+def voltage_q(
+    omega: float, theta: float, turn: float, psi_f: float, pole_pairs: float, a: float, b: float,
+    n: float,
+) -> float:  # fmt: skip
+    """Voltage in V."""
+    wave = (a * cos(n * theta) + b * sin(n * theta)) * step_share(n * turn)
+    return -pole_pairs * psi_f * omega * wave

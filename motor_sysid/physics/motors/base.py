@@ -1,17 +1,25 @@
-"""What a motor kind is: its states, channels, parameters, and its linear core."""
+"""What a motor kind is: its states, channels, parameters, linear core, and laws beyond that."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+import inspect
+import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.effect import Effect, Law
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 Matrices = tuple[Array, Array, Array]
+
+LONGEST_TURN = 0.35
+"""Electrical angle (rad) that a motor may turn in one step of integration."""
+
+MOST_SUBSTEPS = 64
 
 
 @dataclass(frozen=True)
@@ -61,17 +69,20 @@ class Term:
     parameter:
         Motor parameter in which the term is linear, or empty.
     signals:
-        States and inputs (as laws name them) that are multiplied.
+        States, inputs (as laws name them) and `Motor.derived` signals that are multiplied.
     factors:
         Motor parameters that are held and multiply.
     derivative:
         Whether the time derivative of the signal is meant.
+    sign:
+        1 or -1.
     """
 
     parameter: str
     signals: tuple[str, ...]
     factors: tuple[str, ...] = ()
     derivative: bool = False
+    sign: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -84,11 +95,14 @@ class Balance:
         Name of the laws that enter here.
     drive, terms:
         Its two sides; the parameter of the drive, if any, belongs to another balance or is held.
+    given:
+        Terms of the side of `terms` whose parameters other balances find.
     """
 
     force: str
     drive: Term
     terms: tuple[Term, ...]
+    given: tuple[Term, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -113,13 +127,29 @@ class Motor:
     parameters:
         Its parameters with boxes and default values.
     matrices:
-        ``values -> (A (P, n, n), B (P, n, n_u), G (P, n, m))`` for arrays of P values each.
+        ``values -> (A (P, n, n), B (P, n, n_u), G (P, n, m))`` for arrays of P values each: the
+        linear core, which is simulated exactly.
     start:
-        ``records -> values``: start values read from the records without iteration.
+        ``records, given -> values``: start values read from the records without iteration, with
+        what the user gives (pole pairs, say).
     balances:
         Its equations in a form that is linear in the parameters, for recursive regression.
     drive_torque:
         ``(values, record) -> (N,)`` torque that the motor puts on its shaft, as measured.
+    frame:
+        Frame of a three-phase motor, see `motor_sysid.physics.effect.FRAMES`; empty otherwise.
+    own:
+        Laws of the motor itself that its linear core does not hold, as an effect without
+        parameters of its own; it is always there.
+    derived:
+        Signals for the balances: name to a law of states, inputs and held parameters.
+    typical:
+        As `matrices`, for a linear motor that behaves much like it: what sizes and time constants
+        are taken from.  By default the core itself.
+    shown:
+        Parameters that only its sensors' own laws read, and linearly: offsets.
+    wave:
+        Parameter that counts the electrical turns in one turn of the shaft, or empty.
     """
 
     key: str
@@ -132,14 +162,63 @@ class Motor:
     parameters: tuple[Parameter, ...]
     balances: tuple[Balance, ...]
     matrices: Callable[[Values], Matrices]
-    start: Callable[[Sequence[Record]], dict[str, float]]
+    start: Callable[[Sequence[Record], Mapping[str, float]], dict[str, float]]
     drive_torque: Callable[[Mapping[str, float], Record], Array]
+    frame: str = ''
+    own: Effect | None = None
+    derived: Mapping[str, Law] = field(default_factory=dict)
+    typical: Callable[[Values], Matrices] | None = None
+    shown: tuple[str, ...] = ()
+    wave: str = ''
 
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""
         rates = {f'd{force.own_state}' for force in self.forces}
         own = {*self.states, *self.arguments, *(p.name for p in self.parameters)}
         return own | rates | {'t', 'turn'}
+
+    def taking(self, one: Effect) -> Effect:
+        """Return an effect with those of its laws that this motor takes."""
+        sensors = [f'{output.signal}_sensor' for output in self.outputs]
+        return one.within(self.frame, (*(force.name for force in self.forces), *sensors))
+
+    def with_derived(
+        self, signals: Mapping[str, Array], values: Mapping[str, float]
+    ) -> dict[str, Array]:
+        """Return signals (N,) and, beside them, those that follow from them.
+
+        `values` are the motor's parameters.
+        """
+        found = dict(signals)
+        for name, law in self.derived.items():
+            asked = tuple(inspect.signature(law).parameters)
+            if all(n in signals or n in values for n in asked):
+                found[name] = law(*[signals[n] if n in signals else values[n] for n in asked])  # type: ignore[assignment]
+        return found
+
+    @property
+    def needs_position(self) -> bool:
+        """Whether its equations depend on the angle of the shaft."""
+        own = self.own.laws if self.own else {}
+        laws = [own[force.name] for force in self.forces if force.name in own]
+        return any('theta' in inspect.signature(law).parameters for law in laws)
+
+    @property
+    def currents(self) -> tuple[str, ...]:
+        """States that are currents."""
+        return tuple(name for name in self.states if name == 'i' or name.startswith('i_'))
+
+    def like(self, values: Values) -> Matrices:
+        """Return A, B, G of a linear motor that behaves much like this one."""
+        return (self.typical or self.matrices)(values)
+
+    def substeps(self, values: Mapping[str, float], speed: float, dt: float) -> int:
+        """Return how many steps of integration a sample of `dt` s takes at a speed in rad/s.
+
+        The laws of a three-phase motor turn with its electrical angle.
+        """
+        turned = values[self.wave] * abs(speed) * dt / LONGEST_TURN if self.wave else 0.0
+        return max(min(math.ceil(turned), MOST_SUBSTEPS), 1) if turned > 1.0 else 1
 
 
 def stack(rows: Sequence[Sequence[Array]]) -> Array:
@@ -176,3 +255,18 @@ def windows(values: Array, length: int) -> tuple[Array, Array]:
     starts = np.arange(0, values.size - length, max(length // 4, 1))
     area = np.concatenate(([0.0], np.cumsum(values)))
     return area[starts + length] - area[starts], values[starts + length] - values[starts]
+
+
+def areas(values: Array, length: int, dt: float) -> Array:
+    """Return integrals over the windows of `windows`, by the trapezoid of what changes fast."""
+    area, increment = windows(values, length)
+    whole: Array = (area + 0.5 * increment) * dt
+    return whole
+
+
+def paced(now: int, wanted: int) -> int:
+    """Return how many substeps to go on with: a power of two, fewer only where a quarter will do.
+
+    Matrices belong to a number of substeps, so it should seldom change from sample to sample.
+    """
+    return now if now // 4 < wanted <= now else 2 ** math.ceil(math.log2(wanted))

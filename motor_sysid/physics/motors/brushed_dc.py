@@ -48,7 +48,7 @@ def matrices(values: Values) -> Matrices:
     return a, g[:, :, 1:], g
 
 
-def start(records: Sequence[Record]) -> dict[str, float]:
+def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, float]:
     """Read R, L, k_t, J and b from voltage and torque balances integrated over windows."""
 
     def electrical(record: Record, length: int) -> tuple[Array, Array]:

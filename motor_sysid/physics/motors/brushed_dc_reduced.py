@@ -38,7 +38,7 @@ def matrices(values: Values) -> Matrices:
     return stack([[-k_v / k_a, zero], [one, zero]]), g, g
 
 
-def start(records: Sequence[Record]) -> dict[str, float]:
+def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, float]:
     """Read k_v and k_a from the voltage balance integrated over windows."""
 
     def balance(record: Record, length: int) -> tuple[Array, Array]:

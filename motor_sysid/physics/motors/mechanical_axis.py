@@ -40,7 +40,7 @@ def matrices(values: Values) -> Matrices:
     return a, stack([[gain / inertia], [zero]]), stack([[1 / inertia], [zero]])
 
 
-def start(records: Sequence[Record]) -> dict[str, float]:
+def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, float]:
     """Read J and b from the torque balance integrated over windows."""
 
     def balance(record: Record, length: int) -> tuple[Array, Array]:

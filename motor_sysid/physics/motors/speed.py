@@ -21,3 +21,10 @@ def measured_speed(record: Record) -> Array:
         speed: Array = np.gradient(record['position'], record.time)
         return speed
     raise UserError('the record has neither speed nor position; a motor needs one of them')
+
+
+def top_speed(record: Record) -> float:
+    """Return the highest speed in rad/s or m/s, short spikes left out; 0 if there is none."""
+    if 'speed' not in record and 'position' not in record:
+        return 0.0
+    return float(np.quantile(np.abs(measured_speed(record)), 0.999))

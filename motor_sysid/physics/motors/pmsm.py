@@ -1,0 +1,227 @@
+"""Permanent magnet synchronous motor in rotor coordinates, the d axis on the magnet.
+
+    L_d di_d/dt = u_d - R i_d + omega_e L_q i_q                 + voltage_d effects
+    L_q di_q/dt = u_q - R i_q - omega_e (L_d i_d + psi_f)       + voltage_q effects
+    J domega/dt = 1.5 pole_pairs (psi_f i_q + (L_d - L_q) i_d i_q) - b omega + torque effects
+    dtheta/dt   = omega,   omega_e = pole_pairs omega
+
+Amplitudes are those of a phase; what each axis puts into the other is in `pmsm_laws`.  The current
+sensors sit in phases a and b: their offsets turn with the rotor, so that the record's position
+must be there to tell them.  (Krishnan, Electric Motor Drives, 2001, chapter 9.)
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effect import load_effect
+from motor_sysid.physics.motors import pmsm_laws
+from motor_sysid.physics.motors.base import (
+    areas,
+    Array,
+    Balance,
+    Force,
+    integral_regression,
+    Matrices,
+    Motor,
+    Output,
+    stack,
+    Term,
+    Values,
+    windows,
+)
+from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.parameters import Parameter
+from motor_sysid.signals.record import Record
+
+_SHORT = 8
+_ROUND = 0.3
+
+
+def matrices(values: Values) -> Matrices:
+    """Return A (P, 4, 4), B (P, 4, 2), G (P, 4, 3) over the states i_d, i_q, omega, theta."""
+    r, l_d, l_q = values['R'], values['L_d'], values['L_q']
+    inertia, b = values['J'], values['b']
+    linkage = values['pole_pairs'] * values['psi_f']
+    zero, one = np.zeros_like(r), np.ones_like(r)
+    a = stack(
+        [
+            [-r / l_d, zero, zero, zero],
+            [zero, -r / l_q, -linkage / l_q, zero],
+            [zero, 1.5 * linkage / inertia, -b / inertia, zero],
+            [zero, zero, one, zero],
+        ]
+    )
+    g = stack(
+        [
+            [zero, 1 / l_d, zero],
+            [zero, zero, 1 / l_q],
+            [1 / inertia, zero, zero],
+            [zero, zero, zero],
+        ]
+    )
+    return a, g[:, :, 1:], g
+
+
+def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, float]:
+    """Read the parameters from voltage and torque balances integrated over windows.
+
+    Raises
+    ------
+    UserError
+        If the pole pairs are neither given nor to be told from the records.
+    """
+    pairs = given.get('pole_pairs') or _pole_pairs(records)
+    r, l_d, l_q, linkage = _electrical(records, pairs)
+    psi = max(linkage / pairs, 1e-7)
+    values = {'pole_pairs': pairs, 'psi_f': psi, 'L_d': l_d, 'L_q': l_q}
+
+    def mechanical(record: Record, length: int) -> tuple[Array, Array]:
+        dt, speed = record.dt, measured_speed(record)
+        torque = areas(drive_torque(values, record), length, dt)
+        bias = np.full_like(torque, dt * length)
+        columns = [windows(speed, length)[1], areas(speed, length, dt), bias]
+        return np.column_stack(columns), torque
+
+    inertia, b, _ = integral_regression(records, mechanical)
+    lossy = 1.5e-3 * (pairs * psi) ** 2 / r
+    return {**values, 'R': r, 'J': max(inertia, 1e-9), 'b': max(b, lossy)}
+
+
+def _electrical(records: Sequence[Record], pairs: float) -> tuple[float, float, float, float]:
+    """Return R, L_d, L_q and the back-EMF constant from both voltage balances."""
+
+    def balances(record: Record, length: int) -> tuple[Array, Array]:
+        columns, drive = _terms(record, length)
+        r_d, l_d, speed_q, r_q, l_q, speed_d, emf = columns
+        zero = np.zeros_like(emf)
+        d = np.column_stack([r_d, l_d, -pairs * speed_q, zero])
+        q = np.column_stack([r_q, pairs * speed_d, l_q, emf])
+        return np.concatenate([d, q]), drive
+
+    r, l_d, l_q, linkage = integral_regression(records, balances)
+    r = max(r, 1e-4)
+    slowest = 50 * r * records[0].dt
+    l_q = float(np.clip(l_q, 1e-3 * slowest, slowest))
+    return r, float(np.clip(l_d, 0.1 * l_q, 10 * l_q)), l_q, linkage
+
+
+def _terms(record: Record, length: int) -> tuple[list[Array], Array]:
+    """Return what stands beside R, L_d, pole_pairs L_q; R, L_q, pole_pairs L_d and the EMF."""
+    dt, speed = record.dt, measured_speed(record)
+    parts = []
+    for axis, other in ('dq', 'qd'):
+        own, other_one = record[f'current_{axis}'], record[f'current_{other}']
+        crossed = areas(speed * other_one, length, dt)
+        parts += [areas(own, length, dt), windows(own, length)[1], crossed]
+    parts.append(areas(speed, length, dt))
+    drive = [windows(record[f'voltage_{axis}'], length)[0] * dt for axis in 'dq']
+    return parts, np.concatenate(drive)
+
+
+def _pole_pairs(records: Sequence[Record]) -> float:
+    """Return the pole pairs: what i_q induces in d at speed over what its change asks for in q.
+
+    Raises
+    ------
+    UserError
+        If the records do not tell them.
+    """
+
+    def balances(record: Record, length: int) -> tuple[Array, Array]:
+        columns, drive = _terms(record, min(length, _SHORT))
+        r_d, l_d, speed_q, r_q, l_q, speed_d, emf = columns
+        zero = np.zeros_like(emf)
+        d = np.column_stack([r_d, l_d, -speed_q, zero, zero, zero])
+        q = np.column_stack([r_q, zero, zero, l_q, speed_d, emf])
+        return np.concatenate([d, q]), drive
+
+    _, _, crossed, l_q, _, _ = integral_regression(records, balances)
+    pairs = crossed / l_q if l_q > 0 else 0.0
+    if not (0.7 < pairs < 64 and abs(pairs - round(pairs)) < _ROUND):
+        raise UserError(
+            'these records do not tell the pole pairs of the motor; give them: `pole_pairs` in '
+            'the data sheet (--nominal) or in the model'
+        )
+    return float(round(pairs))
+
+
+def drive_torque(values: Mapping[str, float], record: Record) -> Array:
+    """Return 1.5 pole_pairs (psi_f i_q + (L_d - L_q) i_d i_q), (N,) in N m."""
+    linkage = values['psi_f'] + (values['L_d'] - values['L_q']) * record['current_d']
+    torque: Array = 1.5 * values['pole_pairs'] * linkage * record['current_q']
+    return torque
+
+
+MOTOR = Motor(
+    key='pmsm',
+    title='permanent magnet synchronous motor',
+    states=('i_d', 'i_q', 'omega', 'theta'),
+    inputs=(('voltage_d', 'voltage_q'),),
+    arguments=('u_d', 'u_q'),
+    outputs=(
+        Output('current_d', 'i_d'),
+        Output('current_q', 'i_q'),
+        Output('speed', 'omega'),
+        Output('position', 'theta'),
+    ),
+    forces=(
+        Force('torque', 'omega', 'N m'),
+        Force('voltage_d', 'i_d', 'V'),
+        Force('voltage_q', 'i_q', 'V'),
+    ),
+    parameters=(
+        Parameter('R', 'ohm', 1.0, 1e-4, 1e4, 'resistance of a phase'),
+        Parameter('L_d', 'H', 1e-3, 1e-7, 10.0, 'inductance on the magnet'),
+        Parameter('L_q', 'H', 1e-3, 1e-7, 10.0, 'inductance across the magnet'),
+        Parameter('psi_f', 'V s/rad', 0.01, 1e-7, 1e2, 'flux linkage of the magnet'),
+        Parameter('J', 'kg m^2', 1e-4, 1e-10, 1e4, 'inertia of rotor and load'),
+        Parameter('b', 'N m s/rad', 1e-5, 1e-12, 1e4, 'viscous friction'),
+        Parameter('current_offset_a', 'A', 0.0, -100.0, 100.0, 'offset of the sensor in phase a'),
+        Parameter('current_offset_b', 'A', 0.0, -100.0, 100.0, 'offset of the sensor in phase b'),
+        Parameter('pole_pairs', '1', 4.0, 1.0, 64.0, 'electrical turns in one turn', free=False),
+        Parameter(
+            'angle_offset', 'rad', 0.0, -7.0, 7.0, 'electrical angle at position zero', free=False
+        ),
+        Parameter('omega_eps', 'rad/s', 0.1, 1e-9, 1e3, 'width of the sign of speed', free=False),
+        Parameter('i_eps', 'A', 0.01, 1e-9, 1e3, 'width of the sign of current', free=False),
+    ),
+    balances=(
+        Balance(
+            'voltage_d',
+            Term('', ('u_d',)),
+            (
+                Term('R', ('i_d',)),
+                Term('L_d', ('i_d',), derivative=True),
+                Term('L_q', ('emf_d',)),
+            ),
+        ),
+        Balance(
+            'voltage_q',
+            Term('', ('u_q',)),
+            (
+                Term('R', ('i_q',)),
+                Term('L_q', ('i_q',), derivative=True),
+                Term('L_d', ('emf_q',)),
+                Term('psi_f', ('omega',), factors=('pole_pairs',)),
+            ),
+        ),
+        Balance(
+            'torque',
+            Term('psi_f', ('lift',)),
+            (Term('J', ('omega',), derivative=True), Term('b', ('omega',))),
+            given=(Term('L_q', ('pull',)), Term('L_d', ('pull',), sign=-1.0)),
+        ),
+    ),
+    matrices=matrices,
+    start=start,
+    drive_torque=drive_torque,
+    frame='dq',
+    own=load_effect('pmsm', pmsm_laws),
+    derived={
+        name: getattr(pmsm_laws, name) for name in ('emf_d', 'emf_q', 'lift', 'pull')
+    },
+    shown=('current_offset_a', 'current_offset_b'),
+    wave='pole_pairs',
+)

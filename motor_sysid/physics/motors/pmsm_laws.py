@@ -1,0 +1,71 @@
+"""Laws of the permanent magnet synchronous motor that are no part of its linear core."""
+
+from motor_sysid.physics.effect import Card, Enters
+from motor_sysid.physics.laws import cos, sin
+
+ROOT_THIRD = 0.5773502691896258
+
+CARD = Card(
+    title='coupling of both axes',
+    equation='v_d = omega_e L_q i_q,  v_q = -omega_e L_d i_d,  '
+    'tau = 1.5 pole_pairs (L_d - L_q) i_d i_q',
+    symptom='At speed a current in one axis asks for a voltage in the other.',
+    reference='Krishnan, Electric Motor Drives, 2001, chapter 9',
+    enters=Enters.ELECTRICAL,
+    amplitudes=(),
+)
+
+
+def voltage_d(i_q: float, omega: float, L_q: float, pole_pairs: float) -> float:
+    """Voltage in V."""
+    return pole_pairs * omega * L_q * i_q
+
+
+def voltage_q(i_d: float, omega: float, L_d: float, pole_pairs: float) -> float:
+    """Voltage in V."""
+    return -pole_pairs * omega * L_d * i_d
+
+
+def torque(i_d: float, i_q: float, L_d: float, L_q: float, pole_pairs: float) -> float:
+    """Torque in N m."""
+    return 1.5 * pole_pairs * (L_d - L_q) * i_d * i_q
+
+
+def current_d_sensor(
+    theta: float, pole_pairs: float, angle_offset: float, current_offset_a: float,
+    current_offset_b: float,
+) -> float:  # fmt: skip
+    """Return what the offsets of the phase sensors add to the d current, in A."""
+    angle = pole_pairs * theta + angle_offset
+    beta = (current_offset_a + 2.0 * current_offset_b) * ROOT_THIRD
+    return current_offset_a * cos(angle) + beta * sin(angle)
+
+
+def current_q_sensor(
+    theta: float, pole_pairs: float, angle_offset: float, current_offset_a: float,
+    current_offset_b: float,
+) -> float:  # fmt: skip
+    """Return what the offsets of the phase sensors add to the q current, in A."""
+    angle = pole_pairs * theta + angle_offset
+    beta = (current_offset_a + 2.0 * current_offset_b) * ROOT_THIRD
+    return beta * cos(angle) - current_offset_a * sin(angle)
+
+
+def emf_d(i_q: float, omega: float, pole_pairs: float) -> float:
+    """Return what L_q is multiplied by in the d balance, in A/s."""
+    return -pole_pairs * omega * i_q
+
+
+def emf_q(i_d: float, omega: float, pole_pairs: float) -> float:
+    """Return what L_d is multiplied by in the q balance, in A/s."""
+    return pole_pairs * omega * i_d
+
+
+def lift(i_q: float, pole_pairs: float) -> float:
+    """Return what psi_f is multiplied by in the torque balance, in A."""
+    return 1.5 * pole_pairs * i_q
+
+
+def pull(i_d: float, i_q: float, pole_pairs: float) -> float:
+    """Return what L_q - L_d is multiplied by in the torque balance, in A^2."""
+    return 1.5 * pole_pairs * i_d * i_q
