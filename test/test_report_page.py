@@ -185,6 +185,13 @@ def test_zoom_and_pan_move_all_panels_alike(opened: Watched, view: View) -> None
     assert alike() == pytest.approx((start, end))
 
 
+def test_a_picture_reaches_beyond_any_curve(opened: Watched) -> None:
+    sizes = [10.0 ** (k / 97) for k in range(-400, 400)] + [9.85e-3, 9.9, 1.0, 1000.0]
+    reaches = np.array(opened.page.evaluate('sizes => sizes.map(niceReach)', sizes), dtype=float)
+    assert np.all(reaches >= 1.02 * np.array(sizes))
+    assert np.all(reaches <= 1.4 * np.array(sizes))
+
+
 def test_hovering_a_cell_lights_exactly_its_moments(opened: Watched, view: View) -> None:
     page = opened.page
     assert view['map'] is not None

@@ -79,7 +79,7 @@ function curvePicture(curve, width, reach) {
 
 const niceReach = (value) => {
   const size = 10 ** Math.floor(Math.log10(value));
-  return size * [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10].find((m) => m * size >= value * 1.02);
+  return size * [1, 1.2, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10, 12].find((m) => m * size >= value * 1.02);
 };
 
 function chartFrame(width, x, reach, xUnit, axis) {
