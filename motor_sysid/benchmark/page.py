@@ -21,13 +21,17 @@ def page(results: Sequence[Result], facts: Mapping[str, str]) -> str:
     facts:
         What else to say of the run: seed, state of the program ...
     """
-    parts = [_section(table) for table in tables(results)]
+    parts = [section(table) for table in tables(results)]
+    return whole(TITLE, f'{_facts(results, facts)}\n{"".join(parts)}{_equivalences()}')
+
+
+def whole(title: str, body: str, style: str = '') -> str:
+    """Return a page of its own with a heading, a body in HTML and more rules for its style."""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
-        f'<title>{TITLE}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n'
-        f'<h1>{TITLE}</h1>\n{_facts(results, facts)}\n{"".join(parts)}{_equivalences()}'
-        '</main>\n</body>\n</html>\n'
+        f'<title>{escape(title)}</title>\n<style>{STYLE}{style}</style>\n</head>\n<body>\n'
+        f'<main>\n<h1>{escape(title)}</h1>\n{body}</main>\n</body>\n</html>\n'
     )
 
 
@@ -41,7 +45,8 @@ def _facts(results: Sequence[Result], facts: Mapping[str, str]) -> str:
     )
 
 
-def _section(table: Table) -> str:
+def section(table: Table) -> str:
+    """Return a table with its heading as HTML."""
     matrix = ' class="matrix"' if table.title.startswith('Confusion') else ''
     head = ''.join(f'<th scope="col"><span>{escape(title)}</span></th>' for title in table.head)
     rows = ''.join(

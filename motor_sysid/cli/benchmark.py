@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from motor_sysid.benchmark.outcome import Result
     from motor_sysid.benchmark.store import ResultsFile
 
-HELP = 'measure how often the diagnosis is right, on simulated motors with hidden effects'
+HELP = 'measure how often the diagnosis is right, or do the benchmark of the paper again'
 
 QUICK, FULL = 24, 2000
 
@@ -21,17 +21,19 @@ QUICK, FULL = 24, 2000
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument(
-        'what', choices=('diagnosis', 'report'),
-        help='what to measure; or `report`: only show results that files hold already',
+        'what', choices=('diagnosis', 'paper', 'report'),
+        help='what to measure: the diagnosis, or identification as in the paper; or `report`: '
+        'only show results that files hold already',
     )  # fmt: skip
     parser.add_argument(
         'files', nargs='*', type=Path, metavar='RESULTS', help='for `report`: results files'
     )
     parser.add_argument(
         '--quick', action='store_true',
-        help=f'{QUICK} cases (some minutes) in place of {FULL}; kept only with --results',
+        help=f'{QUICK} cases (some minutes) in place of {FULL}, kept only with --results; of '
+        '`paper` a part with 3 seeds (half a minute) in place of 30',
     )  # fmt: skip
-    parser.add_argument('--runs', type=int, metavar='N', help='number of cases')
+    parser.add_argument('--runs', type=int, metavar='N', help='number of cases, or of seeds')
     parser.add_argument(
         '--case', action='append', default=[], metavar='NAME',
         help='run this case alone and say everything about it; may be given several times',
@@ -65,8 +67,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run the benchmark, or read its results, and show the report."""
     from motor_sysid.benchmark.store import merged
+    from motor_sysid.cli import benchmark_paper
 
     _refuse(args)
+    if args.what == 'paper':
+        return benchmark_paper.run(args)
     if args.case:
         return _cases(args)
     if args.what == 'report':

@@ -16,14 +16,21 @@ LINE_PERIOD = 10.0
 class Watch:
     """Tells each result, and when the end is to be expected; a context manager."""
 
-    def __init__(self, total: int) -> None:
+    def __init__(self, total: int, *, goes_on: bool = True) -> None:
         self._begun = time.monotonic()
         self._new, self._due = 0, 0.0
         self._live = sys.stderr.isatty()
-        self._total = total
+        self._total, self._goes_on = total, goes_on
 
     def __call__(self, result: 'Result', done: int, total: int) -> None:
-        """Take one more result."""
+        """Take one more result of the diagnosis."""
+        self.tell(
+            f'{result.case}: {result.answer} ({result.outcome.value}, {result.seconds:.1f} s)',
+            done, total,
+        )  # fmt: skip
+
+    def tell(self, what: str, done: int, total: int) -> None:
+        """Say what is done, how far it is, and how long the rest may take."""
         self._new += 1
         now = time.monotonic()
         last = done == total
@@ -31,10 +38,7 @@ class Watch:
             return
         self._due = now + LINE_PERIOD
         left = (now - self._begun) / self._new * (total - done)
-        text = (
-            f'{done}/{total}  {_duration(left)} left  {result.case}: {result.answer} '
-            f'({result.outcome.value}, {result.seconds:.1f} s)'
-        )
+        text = f'{done}/{total}  {_duration(left)} left  {what}'
         if self._live:
             sys.stderr.write(f'\r\x1b[2K{text}')
         else:
@@ -43,7 +47,7 @@ class Watch:
 
     def __enter__(self) -> 'Watch':
         """Say that it starts."""
-        print(f'{self._total} cases; workers start and compile ...', file=sys.stderr, flush=True)
+        print(f'{self._total} tasks; workers start and compile ...', file=sys.stderr, flush=True)
         return self
 
     def __exit__(
@@ -52,10 +56,10 @@ class Watch:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        """End the line; after an interruption say how to go on."""
+        """End the line; after an interruption say how to go on, where that is possible."""
         if self._live:
             sys.stderr.write('\n')
-        if kind is KeyboardInterrupt:
+        if kind is KeyboardInterrupt and self._goes_on:
             print('stopped; the same command goes on from here', file=sys.stderr)
 
 

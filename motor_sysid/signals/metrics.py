@@ -90,8 +90,9 @@ def metrics(
         raise UserError('fewer than two samples are known in both signals; there is no error')
     widths = np.diff(time, append=2 * time[-1] - time[-2])[known]
     y, guess = measured[known], simulated[known]
-    late = (time - (time[0] if begin is None else begin))[known]
+    errors = np.where(known, measured - simulated, 0.0)
     error = np.abs(y - guess)
+    iae, ahead = float(error @ widths), 0.0 if begin is None else float(time[0] - begin)
     sse, spread = float(error @ error), float(np.sum((y - y.mean()) ** 2))
     mape, smape, ignored = _relative(error, y, guess)
     return Metrics(
@@ -102,12 +103,19 @@ def metrics(
         largest=float(error.max()),
         fit_percent=float(100 * (1 - np.sqrt(sse / spread))) if spread else float('nan'),
         r2=1 - sse / spread if spread else float('nan'),
-        iae=float(error @ widths),
-        itae=float((late * error) @ widths),
+        iae=iae,
+        itae=float(itae(errors, time)) + ahead * iae,
         mape_percent=mape,
         smape_percent=smape,
         ignored_percent=ignored,
     )
+
+
+def itae(error: Array, time: Array) -> Array:
+    """Return the integrals (...,) of time since ``time[0]`` times errors (..., N), in unit s²."""
+    widths = np.diff(time, append=2 * time[-1] - time[-2])
+    total: Array = np.abs(error) @ ((time - time[0]) * widths)
+    return total
 
 
 def _relative(error: Array, y: Array, guess: Array) -> tuple[float, float, float]:

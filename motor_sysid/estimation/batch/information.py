@@ -29,6 +29,8 @@ class Information:
     bound:
         (p,) smallest standard deviation that an unbiased estimate can have (Cramer-Rao); infinite
         where the parameter is part of a combination that is unseen.
+    covariance:
+        (p, p) smallest covariance; its diagonal is `bound` squared where that is finite.
     unseen:
         (p - rank, p) unit vectors along which nothing in the data changes, in the coordinates of
         the columns.
@@ -38,6 +40,7 @@ class Information:
     rank: int
     condition: float
     bound: Array
+    covariance: Array
     unseen: Array
 
     def words(self) -> tuple[str, ...]:
@@ -77,7 +80,10 @@ def of_curvature(
     unseen = along / np.maximum(np.linalg.norm(along, axis=0), 1e-300)
     condition = float('inf') if np.any(dark) else float(values[-1] / values[0])
     step = np.ones(size.size) if scale is None else np.abs(scale)
-    return Information(tuple(names), int(np.sum(~dark)), condition, bound * step, unseen.T)
+    covariance = inverse / np.outer(size, size) * np.outer(step, step)
+    return Information(
+        tuple(names), int(np.sum(~dark)), condition, bound * step, covariance, unseen.T
+    )
 
 
 def _words(names: Sequence[str], vector: Array) -> str:

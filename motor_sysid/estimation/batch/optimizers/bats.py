@@ -1,11 +1,11 @@
 """Bat algorithm, with the sign that attracts.
 
-    v <- w v + f (best - x),   f uniform between 0 and 2,   x <- x + v
+    v <- w v + f (best - x),   f uniform between 0 and 1,   x <- x + v
 
-and, the more often the quieter a bat's pulses still are, a step around the best: ``best + 0.3 A
-e`` with the mean loudness A and e uniform in the cube.  A bat takes a better place with the
-probability of its loudness; then it gets quieter (A <- 0.9 A) and calls more often (r = 1 -
-exp(-0.9 t)).
+and, the more often the fewer pulses a bat sends, a step around the best: ``best + 0.3 A e`` with
+the mean loudness A and e uniform in the cube.  A bat takes a better place with the
+probability of its loudness; then it gets quieter (A <- 0.9 A) and calls more often
+(``r = 1 - exp(-0.1 n)`` after n such places).
 
 As first printed, and often copied, the velocity takes ``f (x - best)``, which doubles the
 distance to the best at every step.  With the right sign the motion is undamped for f under 4,
@@ -19,7 +19,7 @@ from motor_sysid.estimation.batch.optimizers.base import Optimizer
 
 Array = NDArray[np.float64]
 
-_INERTIA, _HIGHEST, _FADE, _CALM, _LOCAL = 0.7, 2.0, 0.9, 0.9, 0.3
+_INERTIA, _HIGHEST, _FADE, _CALM, _LOCAL = 0.7, 1.0, 0.9, 0.1, 0.3
 
 
 class Bats(Optimizer):
