@@ -1,6 +1,7 @@
 """The whole loop: motor, pid, identifier and recorder; and an experiment if asked for.
 
 ros2 launch motor_sysid closed_loop.launch.py hidden_effects:="[coulomb_friction]" record:=false
+ros2 launch motor_sysid closed_loop.launch.py motor:=pmsm
 ros2 launch motor_sysid closed_loop.launch.py profile:=topic excite:=true excitation:=next.yaml
 """
 
@@ -26,7 +27,11 @@ def generate_launch_description():
             package=PACKAGE,
             executable=name,
             name=name,
-            parameters=[str(config / f'{name}.yaml'), parameters],
+            parameters=[
+                str(config / f'{name}.yaml'),
+                [str(config / 'loop_'), LaunchConfiguration('motor'), '.yaml'],
+                parameters,
+            ],
             output='screen',
             condition=condition,
         )
@@ -36,6 +41,9 @@ def generate_launch_description():
 
     return LaunchDescription(
         [
+            DeclareLaunchArgument(
+                'motor', default_value='brushed_dc', description='brushed_dc, pmsm or bldc'
+            ),
             DeclareLaunchArgument('rate', default_value='500.0', description='samples per second'),
             DeclareLaunchArgument(
                 'hidden_effects',

@@ -12,9 +12,10 @@ from motor_sysid.benchmark.three_phase_drive import (
     run_drive,
     ThreePhaseDrive,
 )
-from motor_sysid.control.foc import CurrentLoop, speed_gains
+from motor_sysid.control.foc import CurrentLoop
 from motor_sysid.control.profile import Profile
 from motor_sysid.control.six_step import SixStepLoop
+from motor_sysid.control.tuning import current_pi
 from motor_sysid.signals import Finding, Record
 from motor_sysid.signals.doctor import examine
 from motor_sysid.signals.phases import with_dq
@@ -33,7 +34,7 @@ def recorded(kind: str) -> Record:
     else:
         loop = SixStepLoop(m.R, m.L_d, m.k_e, 1500.0, sheet.current)
         k_t, dt, top = 2 * m.k_e, 2e-4, 60
-    speed = speed_gains(m.J, k_t, 40.0, sheet.current)
+    speed = current_pi(m.J, k_t, 40.0, sheet.current)
     drive = ThreePhaseDrive(
         Bridge(sheet.supply, 0.2), loop, speed, control_dt=2e-4, sensors=SENSORS
     )

@@ -13,8 +13,8 @@ from rosbags.typesys import get_typestore, Stores
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import EstimateStream, Event, Rates
+from motor_sysid.nodes.hidden import parse_assignments, scales_of_drive, with_hidden
 from motor_sysid.nodes.pipeline import Pipeline
-from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
 from motor_sysid.nodes.times import Times
 from motor_sysid.nodes.topics import DEFAULT_SOURCES, plan_signals, untyped, with_types

@@ -17,6 +17,7 @@ from motor_sysid.signals.phases import (
     line_voltages,
     phase_columns,
     phases_of_line,
+    sector_at,
     to_abc,
     to_dq,
     with_dq,
@@ -83,7 +84,9 @@ def test_line_voltages_and_back() -> None:
 
 def test_sectors_begin_at_30_degrees_and_go_round() -> None:
     degrees = [29.9, 30.1, 89.9, 90.1, 210.1, 330.1, 389.9, 390.1, -329.9, -30.1]
-    assert hall_sector(np.radians(degrees)).tolist() == [6, 1, 1, 2, 4, 6, 6, 1, 1, 5]
+    sectors = [6, 1, 1, 2, 4, 6, 6, 1, 1, 5]
+    assert hall_sector(np.radians(degrees)).tolist() == sectors
+    assert [sector_at(np.radians(angle)) for angle in degrees] == sectors
 
 
 def turning(count: int = 400) -> Record:

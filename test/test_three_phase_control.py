@@ -19,10 +19,10 @@ from motor_sysid.control.foc import (
     CurrentLoop,
     Foc,
     legs,
-    speed_gains,
     voltage_limit,
 )
 from motor_sysid.control.six_step import FORWARD, pair_legs, SixStepLoop
+from motor_sysid.control.tuning import current_pi
 from motor_sysid.errors import UserError
 from motor_sysid.signals.phases import hall_sector, SECTOR, to_abc, to_dq
 
@@ -84,7 +84,7 @@ def test_what_cannot_work_is_refused() -> None:
     with pytest.raises(UserError, match=r'control periods of at most 0\.0002 s'):
         Foc(LOOP, 24.0, 1e-3)
     with pytest.raises(UserError, match='inertia'):
-        speed_gains(0.0, 0.05, 50.0, 5.0)
+        current_pi(0.0, 0.05, 50.0, 5.0)
 
 
 @pytest.mark.parametrize('sector', range(1, 7))

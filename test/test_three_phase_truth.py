@@ -1,6 +1,8 @@
 """The three-phase simulator that tests trust: against scipy, power balance and theory."""
 
 import math
+from pathlib import Path
+import re
 
 import numpy as np
 import pytest
@@ -14,8 +16,9 @@ from motor_sysid.benchmark.three_phase_drive import (
     run_drive,
     ThreePhaseDrive,
 )
-from motor_sysid.control.foc import CurrentLoop, speed_gains
+from motor_sysid.control.foc import CurrentLoop
 from motor_sysid.control.six_step import SixStepLoop
+from motor_sysid.control.tuning import current_pi
 from motor_sysid.signals.phases import to_dq
 
 PMSM, BLDC = (sheets[0].machine for sheets in (PMSM_SHEETS, BLDC_SHEETS))
@@ -164,7 +167,7 @@ def test_dry_friction_holds_below_break_away() -> None:
 def closed_loop(machine: Machine, **sensors: float):
     psi_f = machine.k_e / machine.pole_pairs
     loop = CurrentLoop(machine.R, machine.L_d, machine.L_q, psi_f, 1500.0)
-    gains = speed_gains(machine.J, 1.5 * machine.k_e, 60.0, 6.0)
+    gains = current_pi(machine.J, 1.5 * machine.k_e, 60.0, 6.0)
     drive = ThreePhaseDrive(Bridge(24.0), loop, gains, sensors=PhaseSensors(**sensors))
     reference = np.repeat([0.0, 100.0, -60.0], 200)
     rng = np.random.default_rng(1)
@@ -196,3 +199,14 @@ def test_sheets_are_plausible(sheet) -> None:
     assert sheet.top_speed * 60 / (2 * math.pi) < 10_000
     power = sheet.current * m.k_e * sheet.top_speed * 0.8
     assert sheet.current**2 * m.R < 0.7 * power
+
+
+def test_the_example_of_the_page_runs(repository: Path) -> None:
+    (block,) = re.findall(
+        r'```python\n(.*?)```', (repository / 'docs' / 'benchmark.md').read_text(), re.DOTALL
+    )
+    names: dict[str, object] = {}
+    exec(compile(block, 'benchmark.md', 'exec'), names)
+    record = names['record']
+    assert {'voltage_a', 'current_c', 'voltage_q', 'current_d', 'speed'} <= set(record)
+    assert record['speed'][380:400].mean() == pytest.approx(100, rel=0.03)

@@ -18,7 +18,7 @@ from motor_sysid.control.pid import Pid, PidGains
 from motor_sysid.control.six_step import SixStep, SixStepLoop
 from motor_sysid.errors import UserError
 from motor_sysid.signals.channels import BY_NAME
-from motor_sysid.signals.phases import electrical_angle, hall_sector, to_dq
+from motor_sysid.signals.phases import electrical_angle, hall_sector, sector_at, to_dq
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
@@ -209,7 +209,7 @@ class _Plant:
     ) -> tuple[float, float, float]:
         pairs = self._machine.pole_pairs
         if isinstance(self._inner, SixStep):
-            sector = int(hall_sector(pairs * self.x[THETA]))
+            sector = sector_at(pairs * float(self.x[THETA]))
             return self._inner.step(seen, sector, speed, want)
         legs = self._inner.step(seen, pairs * self.counted(), pairs * speed, want, want_d)
         self.command_dq = np.array(self._inner.voltage_dq)

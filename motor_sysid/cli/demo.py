@@ -1,7 +1,7 @@
 """Verb `demo`: the whole loop over real ROS 2, with an effect that nobody is told of."""
 
 import argparse
-from collections.abc import Mapping
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 import random
@@ -10,12 +10,11 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from motor_sysid.cli.demo_motors import DemoMotor, MOTORS
 from motor_sysid.cli.demo_result import Demo, finish
 from motor_sysid.cli.progress import live_progress
-from motor_sysid.control.tuning import speed_pi
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.store import save_model
 
 if TYPE_CHECKING:
@@ -24,26 +23,23 @@ if TYPE_CHECKING:
 
 HELP = 'run a motor with hidden effects in closed loop over ROS 2, then find out what was hidden'
 
-HIDDEN = ('coulomb_friction', 'cogging_torque')
-
-DATASHEET: Mapping[str, float] = {'R': 2.0, 'L': 5e-3, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5}
-"""What the user would know of the motor: a small 24 V drive with a disc on its shaft."""
-
 TOLERANCE = 0.1
 """The motor on the bench differs from its datasheet by up to this share."""
-
-MOTOR_TOPICS = tuple(f'/motor/{t}' for t in ('voltage', 'current', 'speed', 'voltage_command'))
-SUPPLY, TOP_SPEED, CLOSED_LOOP_TIME = 24.0, 200.0, 0.025
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments."""
     parser.add_argument(
-        '--hide', nargs='+', default=list(HIDDEN), metavar='EFFECT',
-        help=f'effects that the motor has and its model lacks (default: {" ".join(HIDDEN)})',
+        '--motor', choices=tuple(MOTORS), default='brushed_dc',
+        help='brushed_dc on a voltage, pmsm under field-oriented control, bldc in six steps',
+    )  # fmt: skip
+    parser.add_argument(
+        '--hide', nargs='+', metavar='EFFECT',
+        help='effects that the motor has and its model lacks (default: coulomb_friction '
+        'cogging_torque)',
     )  # fmt: skip
     parser.add_argument('--seconds', type=float, default=20.0, help='duration (default 20)')
-    parser.add_argument('--rate', type=float, default=500.0, help='samples per second (500)')
+    parser.add_argument('--rate', type=float, help='samples per second (500; bldc: 1000)')
     parser.add_argument(
         '--estimator', default='rls', help='how the identifier estimates (default: %(default)s)'
     )
@@ -57,32 +53,37 @@ def run(args: argparse.Namespace) -> int:
     """Run the demo; returns the exit code."""
     begin = time.monotonic()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # so that the nodes end in order
-    _check(args)
+    motor = _chosen(args)
     out = args.out or Path(f'demo_{datetime.now().astimezone():%Y%m%d_%H%M%S}')
     if (out / 'bag').exists():
         raise UserError(f'{out} holds a bag already; give another folder with --out')
     out.mkdir(parents=True, exist_ok=True)
-    nominal = Model.base('brushed_dc', DATASHEET, speed_sensor=SpeedSensor.DIFFERENCE)
+    nominal = motor.model()
     save_model(nominal, out / 'datasheet_model.yaml')
-    print(f'Hidden in the motor: {", ".join(args.hide)}. The rest of the system is not told.')
-    record(args, nominal, out)
+    print(f'Hidden in the motor: {", ".join(motor.hidden)}. The rest of the system is not told.')
+    record(args, motor, out)
     print(f'Recorded {out / "bag"}; the motor is at rest. Now the diagnosis.', flush=True)
     return finish(Demo(out / 'bag', out, nominal, begin, args.json))
 
 
-def _check(args: argparse.Namespace) -> None:
+def _chosen(args: argparse.Namespace) -> DemoMotor:
+    """Return the motor as it was asked for."""
     from motor_sysid.estimation.online.estimators import known_estimator
 
-    for key in args.hide:
+    motor = MOTORS[args.motor]
+    rate, hidden = args.rate or motor.rate, tuple(args.hide or motor.hidden)
+    for key in hidden:
         effect(key)
     known_estimator(args.estimator)
     if not 5 <= args.seconds <= 3600:
         raise UserError(f'--seconds {args.seconds:g} is outside 5 to 3600 s')
-    if not 50 <= args.rate <= 1000:
-        raise UserError(f'--rate {args.rate:g} is outside 50 to 1000 Hz')
+    if not 50 <= rate <= 1000:
+        raise UserError(f'--rate {rate:g} is outside 50 to 1000 Hz')
+    periods = max(round(motor.control_rate / rate), 1)
+    return replace(motor, rate=rate, hidden=hidden, control_rate=periods * rate)
 
 
-def record(args: argparse.Namespace, nominal: Model, out: Path) -> None:
+def record(args: argparse.Namespace, motor: DemoMotor, out: Path) -> None:
     """Run the four nodes through the profile and record them."""
     try:
         from motor_sysid.nodes.launcher import choose_domain, node_processes
@@ -95,10 +96,11 @@ def record(args: argparse.Namespace, nominal: Model, out: Path) -> None:
     domain = choose_domain()
     print(f'Starting motor, pid, identifier and recorder (ROS_DOMAIN_ID {domain}).', flush=True)
     with node_processes(out / 'nodes') as processes:
-        _start_nodes(processes, args, nominal, out)
-        with Monitor() as monitor:
-            monitor.wait_until_heard(processes.check, MOTOR_TOPICS)
-            _start_motor(processes, args)
+        _start_nodes(processes, args, motor, out)
+        topics = ('voltage', 'current', 'speed', f'{motor.command}_command')
+        with Monitor(motor.command) as monitor:
+            monitor.wait_until_heard(processes.check, [f'/motor/{topic}' for topic in topics])
+            _start_motor(processes, args, motor)
             monitor.wait_until_heard(processes.check)
             monitor.start_profile(processes.check)
             _watch(monitor, processes, args.seconds)
@@ -109,9 +111,9 @@ def record(args: argparse.Namespace, nominal: Model, out: Path) -> None:
 
 
 def _start_nodes(
-    processes: 'NodeProcesses', args: argparse.Namespace, nominal: Model, out: Path
+    processes: 'NodeProcesses', args: argparse.Namespace, motor: DemoMotor, out: Path
 ) -> None:
-    gains = speed_pi(nominal, CLOSED_LOOP_TIME, SUPPLY)
+    gains = motor.gains()
     processes.start('recorder', {'path': str(out / 'bag'), 'storage': args.storage})
     processes.start(
         'identifier',
@@ -119,20 +121,25 @@ def _start_nodes(
          'diagnose_window': 0.4 * args.seconds, 'diagnose_period': args.seconds},
     )
     processes.start('pid', {
-        'kp': gains.kp, 'ki': gains.ki, 'voltage_limit': SUPPLY, 'profile': 'mixed',
-        'top_speed': TOP_SPEED, 'profile_duration': args.seconds, 'autostart': False,
+        'command': motor.command, 'kp': gains.kp, 'ki': gains.ki, 'voltage_limit': motor.supply,
+        'current_limit': motor.current_limit, 'profile': 'mixed', 'top_speed': motor.top_speed,
+        'profile_duration': args.seconds, 'autostart': False,
     })  # fmt: skip
 
 
-def _start_motor(processes: 'NodeProcesses', args: argparse.Namespace) -> None:
+def _start_motor(
+    processes: 'NodeProcesses', args: argparse.Namespace, motor: DemoMotor
+) -> None:
     """Start the motor, last: then every topic is recorded from its first samples on."""
     chance = random.Random(args.seed)
-    truth = {
-        name: value * (1 + TOLERANCE * chance.uniform(-1, 1)) for name, value in DATASHEET.items()
+    truth: dict[str, float] = {
+        name: value if name in motor.exact else value * (1 + TOLERANCE * chance.uniform(-1, 1))
+        for name, value in motor.datasheet.items()
     }
     processes.start('motor', {
-        **truth, 'rate': args.rate, 'supply_voltage': SUPPLY, 'hidden_effects': args.hide,
-        'seed': args.seed,
+        **truth, 'motor_kind': motor.kind, 'rate': motor.rate, 'control_rate': motor.control_rate,
+        'supply_voltage': motor.supply, 'current_limit': motor.current_limit,
+        'hidden_effects': list(motor.hidden), 'seed': args.seed,
     })  # fmt: skip
 
 

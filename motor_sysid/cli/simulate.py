@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _model(args: argparse.Namespace) -> 'Model':
-    from motor_sysid.nodes.plant import parse_assignments, scales_of_drive, with_hidden
+    from motor_sysid.nodes.hidden import parse_assignments, scales_of_drive, with_hidden
     from motor_sysid.physics.model import Model
     from motor_sysid.physics.store import load_model
 

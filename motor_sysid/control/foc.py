@@ -14,8 +14,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
-from motor_sysid.control.pid import PidGains
 from motor_sysid.errors import UserError
+from motor_sysid.physics.model import Model
 from motor_sysid.signals.phases import inverse_park, park
 
 FASTEST = 0.3
@@ -39,6 +39,11 @@ class CurrentLoop:
     L_q: float
     psi_f: float
     bandwidth: float
+
+    @classmethod
+    def of(cls, model: Model, bandwidth: float) -> 'CurrentLoop':
+        """Return the loop for a model of a PMSM."""
+        return cls(model['R'], model['L_d'], model['L_q'], model['psi_f'], bandwidth)
 
 
 def voltage_limit(supply: float) -> float:
@@ -140,37 +145,3 @@ class Foc:
         self._sum_q += loop.R * self.dt * (a * e_q + (v_q - u_q) / loop.L_q)
         self.voltage_dq = v_d, v_q
         return v_d, v_q
-
-
-def speed_gains(
-    inertia: float, torque_constant: float, bandwidth: float, limit: float
-) -> PidGains:
-    """Return PI gains of a speed loop whose output is the q current.
-
-    With ``torque = torque_constant i_q`` (``3/2 pole_pairs psi_f`` of a PMSM) the loop crosses
-    over at `bandwidth`, and the integral sets in at a quarter of it: a phase margin of 76 degrees
-    less what the current loop costs.
-
-    Parameters
-    ----------
-    inertia:
-        kg m^2.
-    torque_constant:
-        N m/A.
-    bandwidth:
-        rad/s; well below that of the current loop.
-    limit:
-        Largest current, A.
-
-    Raises
-    ------
-    UserError
-        If one of them is not positive.
-    """
-    for name, value in (
-        ('inertia', inertia), ('torque constant', torque_constant), ('bandwidth', bandwidth)
-    ):  # fmt: skip
-        if not value > 0:
-            raise UserError(f'the {name} of a speed loop, {value:g}, must be positive')
-    kp = inertia * bandwidth / torque_constant
-    return PidGains(kp, kp * bandwidth / 4, lower=-limit, upper=limit)

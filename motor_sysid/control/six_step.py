@@ -15,6 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 import math
 
+from motor_sysid.physics.model import Model
+
 FORWARD = ((1, 0), (2, 0), (2, 1), (0, 1), (0, 2), (1, 2))
 """Phases (0 is a) of positive and negative current for forward torque, by sector 1 to 6."""
 
@@ -41,6 +43,11 @@ class SixStepLoop:
     k_e: float
     bandwidth: float
     current_limit: float
+
+    @classmethod
+    def of(cls, model: Model, bandwidth: float, current_limit: float) -> 'SixStepLoop':
+        """Return the loop for a model of a BLDC motor."""
+        return cls(model['R'], model['L'], model['k_e'], bandwidth, current_limit)
 
 
 def pair_current(sector: int, abc: Sequence[float]) -> float:

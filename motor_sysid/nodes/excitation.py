@@ -126,7 +126,7 @@ class ExcitationNode(LoopNode):
             RawTopic(self, 'motor/speed', JOINT), RawTopic(self, 'motor/current', VECTOR)
         )  # fmt: skip
         self._read_speed = FieldReader(JOINT, ('velocity[0]', 'position[0]')).read
-        self._read_current = FieldReader(VECTOR, ('vector.x',)).read
+        self._read_current = FieldReader(VECTOR, ('vector.x', 'vector.y', 'vector.z')).read
         self._diagnostics = DiagnosticsPublisher(self, '/diagnostics', QoSProfile(depth=10))
         self.state, self.reason = State.WAITING, ''
         self._grid, self._watch = SampleGrid(self, s.rate), Watch(self._bounds, 0.0)
@@ -170,8 +170,8 @@ class ExcitationNode(LoopNode):
             speed, position = self._read_speed(message.data)
             wrong.append(self._watch.moved(now, float(speed), float(position)))
         for message in self._current.drain():
-            (current,) = self._read_current(message.data)
-            wrong.append(self._watch.flowed(now, float(current)))
+            largest = max(map(float, self._read_current(message.data)), key=abs)
+            wrong.append(self._watch.flowed(now, largest))
         return next(filter(None, wrong), self._watch.silent(now))
 
     def _publish_due(self) -> None:

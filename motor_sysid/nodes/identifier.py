@@ -42,8 +42,11 @@ from motor_sysid.nodes.statuses import (
 )
 from motor_sysid.nodes.topics import plan_signals, untyped, with_types
 
-FIELDS = {'position': 'position', 'speed': 'velocity', 'current': 'effort'}
-"""Signal to the field of `JointState` that carries its prediction; effort holds the current, A."""
+FIELDS = {
+    'position': 'position', 'speed': 'velocity', 'current': 'effort', 'current_q': 'effort',
+    'current_a': 'effort',
+}  # fmt: skip
+"""Signal to the field of `JointState` that carries its prediction; effort holds a current, A."""
 
 Sending = Callable[[], None]
 

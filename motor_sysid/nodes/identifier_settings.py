@@ -7,8 +7,8 @@ from motor_sysid.estimation.batch.refit import METHODS
 from motor_sysid.estimation.online import ESTIMATORS
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.editing import edited
+from motor_sysid.nodes.hidden import parse_assignments
 from motor_sysid.nodes.parameters import parameter
-from motor_sysid.nodes.plant import parse_assignments
 from motor_sysid.nodes.topics import DEFAULT_SOURCES
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors

@@ -28,13 +28,12 @@ LISTENERS = {
     '/motor/voltage': ('identifier', 'recorder'),
     '/motor/current': ('identifier', 'recorder'),
     '/motor/speed': ('identifier', 'recorder', 'pid'),
-    '/motor/voltage_command': ('motor', 'recorder'),
     '/motor/reference': ('recorder',),
     '/identifier/estimate': ('recorder',),
     '/identifier/model': ('recorder',),
     '/identifier/diagnosis': ('recorder',),
 }
-"""Who must listen to what before the loop may start."""
+"""Who must listen to what before the loop may start, besides the motor to its command."""
 
 
 @dataclass(frozen=True)
@@ -80,9 +79,15 @@ class Monitor:
     """A node of its own that only listens, and starts the profile.
 
     Use as a context manager; it has its own ROS context.
+
+    Parameters
+    ----------
+    command:
+        What the motor is told: ``voltage`` or ``current``.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, command: str = 'voltage') -> None:
+        self._listeners = {**LISTENERS, f'/motor/{command}_command': ('motor', 'recorder')}
         self._context = Context()
         rclpy.init(context=self._context)
         self._node = rclpy.create_node('motor_sysid_monitor', context=self._context)
@@ -128,7 +133,7 @@ class Monitor:
         Topics in `but` need not be heard yet.
         """
         missing = []
-        for topic, names in LISTENERS.items():
+        for topic, names in self._listeners.items():
             if topic in but:
                 continue
             there = {info.node_name for info in self._node.get_subscriptions_info_by_topic(topic)}

@@ -40,7 +40,14 @@ class PidSettings:
     derivative_filter: float = parameter(
         0.005, 'Time constant of the low-pass on the derivative.', 's', 0, 10, live=True
     )
+    command: str = parameter(
+        'voltage', 'What it commands: a voltage, or the current that a three-phase drive follows; '
+        'the gains are then in A where they are in V here.', choices=('voltage', 'current'),
+    )  # fmt: skip
     voltage_limit: float = parameter(24.0, 'Largest voltage, either way.', 'V', 0, 1000, live=True)
+    current_limit: float = parameter(
+        5.0, 'Largest current, either way, where current is commanded.', 'A', 0, 1000, live=True
+    )
     profile: str = parameter(
         OFF, 'Where the reference comes from: the topic, or this built-in profile.', '',
         choices=(OFF, *PROFILES), live=True,
@@ -55,7 +62,8 @@ class PidSettings:
 
     def gains(self) -> PidGains:
         """Return the gains of the controller."""
-        limit = max(self.voltage_limit, 1e-9)
+        limit = self.voltage_limit if self.command == 'voltage' else self.current_limit
+        limit = max(limit, 1e-9)
         return PidGains(self.kp, self.ki, self.kd, self.derivative_filter, -limit, limit)
 
     def route(self) -> tuple[str, float, float]:
@@ -70,7 +78,7 @@ class PidSettings:
 
 
 class PidNode(LoopNode):
-    """Answers every sample of motor/speed with a voltage command that bears the same stamp.
+    """Answers every sample of motor/speed with a command that bears the same stamp.
 
     The sample time is taken from the stamps.  Where samples came in a bunch, each is worked on in
     turn, so that the controller's memory is right; the last command is the one that counts.
@@ -96,7 +104,10 @@ class PidNode(LoopNode):
         self._speed = RawTopic(self, 'motor/speed', 'sensor_msgs/msg/JointState')
         self._read_speed = FieldReader('sensor_msgs/msg/JointState', (*STAMP, 'velocity[0]')).read
         self._read_reference = FieldReader('geometry_msgs/msg/Vector3Stamped', ('vector.x',)).read
-        self._command = vector_publisher(self, 'motor/voltage_command', 'dc')
+        command = self.settings.value.command
+        self._command = vector_publisher(
+            self, f'motor/{command}_command', 'dc' if command == 'voltage' else 'q'
+        )
         self._connect_reference()
         self.create_service(Trigger, '~/start', self._on_start)
         self.create_service(Trigger, '~/stop', self._on_stop)
@@ -127,7 +138,7 @@ class PidNode(LoopNode):
             self._answer(int(seconds) * SECOND + int(nanoseconds), float(speed))
 
     def close(self) -> None:
-        """Leave the motor at 0 V, and give the message time to arrive."""
+        """Leave the motor at 0 V or 0 A, and give the message time to arrive."""
         stamp = now_ns(self.get_clock()) if self._last is None else self._last
         for k in range(FAREWELLS):
             self._command.publish(stamp + (k + 1) * FAREWELL_STEP, 0.0, 0.0, 0.0)
@@ -146,11 +157,11 @@ class PidNode(LoopNode):
             self._pid.reset()
             return
         reference = self._reference_at(stamp)
-        voltage = self._pid.step(reference, speed, dt)
-        self._command.publish(stamp, voltage, 0.0, 0.0)
+        output = self._pid.step(reference, speed, dt)
+        self._command.publish(stamp, output, 0.0, 0.0)
 
     def _hold(self, stamp: int) -> None:
-        """Keep the motor at 0 V, and say so, as long as the profile has not begun."""
+        """Keep the motor at 0 V or 0 A, and say so, as long as the profile has not begun."""
         if self._own is not None:
             self._own.publish(stamp, 0.0, 0.0, 0.0)
         self._command.publish(stamp, 0.0, 0.0, 0.0)
@@ -172,7 +183,7 @@ class PidNode(LoopNode):
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._enabled = False
-        response.success, response.message = True, 'stopped at 0 V'
+        response.success, response.message = True, 'stopped at 0'
         return response
 
     def _change(self, settings: PidSettings) -> None:

@@ -22,6 +22,7 @@ from motor_sysid.recording.writer import BagWriter, STORAGES
 
 TOPICS = (
     'motor/voltage', 'motor/current', 'motor/speed', 'motor/reference', 'motor/voltage_command',
+    'motor/current_command',
     'identifier/estimate', 'identifier/model', 'identifier/diagnosis', 'identifier/prediction',
     'identifier/residual', '/diagnostics',
 )  # fmt: skip

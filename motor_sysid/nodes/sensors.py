@@ -48,27 +48,43 @@ class DriveSensors:
 
     def reset(self, position: float) -> None:
         """Start again with the shaft at `position` (rad)."""
-        self._position = self._counted(position)
+        self._position = self.counted(position)
 
     def read(self, current: float, position: float) -> tuple[float, float, float]:
-        """Return measured current (A), speed (rad/s) and position (rad).
+        """Return measured current (A), speed (rad/s) and position (rad)."""
+        speed, counted = self.encoder(position)
+        return self.current(current), speed, counted
+
+    def encoder(self, position: float) -> tuple[float, float]:
+        """Return measured speed (rad/s) and position (rad); asked once in a sample.
 
         The speed is the difference of the position over the last sample, as drives compute it:
         half a sample late, and in steps of one count per sample.
         """
-        counted = self._counted(position)
+        counted = self.counted(position)
         speed = (counted - self._position) / self._dt
         self._position = counted
-        return self._converted(current), speed, counted
+        return speed, counted
 
-    def _counted(self, position: float) -> float:
+    def phases(self, a: float, b: float) -> tuple[float, float, float]:
+        """Return measured phase currents (A).
+
+        Two sensors, in a and b, have the offset, b that of the other sign; c is the rest.
+        """
+        s = self._settings
+        shown_a, shown_b = self.current(a), self.current(b - 2 * s.current_offset)
+        return shown_a, shown_b, -shown_a - shown_b
+
+    def counted(self, position: float) -> float:
+        """Return the position as the encoder shows it, rad."""
         counts = self._settings.counts_per_revolution
         if not counts:
             return position
         step = 2 * math.pi / counts
         return math.floor(position / step) * step
 
-    def _converted(self, current: float) -> float:
+    def current(self, current: float) -> float:
+        """Return a measured current (A)."""
         s = self._settings
         value = current + s.current_offset + s.current_noise * self._rng.standard_normal()
         if not s.current_bits:

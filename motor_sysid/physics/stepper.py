@@ -48,7 +48,7 @@ class Stepper:
 
     def step(self, u: float | Sequence[float]) -> None:
         """Advance one sample under the held input `u` (n_u values, or one number)."""
-        self._history = np.roll(self._history, -1, axis=0)
+        self._history[:-1] = self._history[1:]
         self._history[-1] = u
         start = (self._count - len(self._history) + 1) * self.dt
         drive = Drive(self._history, self.dt, start)

@@ -28,6 +28,7 @@ START = 1_700_000_000_000_000_000
 """Stamp (ns) of time 0 in a bag made from a record, unless another is given."""
 ALONE = {
     'speed_reference': 'motor/reference', 'voltage_command': 'motor/voltage_command',
+    'current_command': 'motor/current_command',
     'duty': 'motor/duty', 'supply_voltage': 'motor/supply_voltage', 'torque': 'motor/torque',
     'force': 'motor/force', 'temperature': 'motor/temperature',
     'position_reference': 'motor/position_reference', 'hall_sector': 'motor/hall_sector',

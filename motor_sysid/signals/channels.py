@@ -35,6 +35,7 @@ CHANNELS = (
     Channel('force', ('N',), Role.INPUT),
     Channel('temperature', ('degC',), Role.MEASURED),
     Channel('voltage_command', ('V',), Role.INPUT),
+    Channel('current_command', ('A',), Role.STEPPED),
     Channel('speed_reference', ('rad/s', 'm/s'), Role.STEPPED),
     Channel('position_reference', ('rad', 'm'), Role.STEPPED),
     *(Channel(f'voltage_{axis}', ('V',), Role.INPUT) for axis in 'abcdq'),

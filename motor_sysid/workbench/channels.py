@@ -12,6 +12,7 @@ REFERENCES: Mapping[str, str] = {
     'speed_reference': 'speed',
     'position_reference': 'position',
     'voltage_command': 'voltage',
+    'current_command': 'current',
 }
 ORDER = (
     'speed', 'position', 'current', 'voltage', 'duty', 'force', 'torque', 'voltage_command',

@@ -5,11 +5,14 @@ from dataclasses import dataclass
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.signals.checks.common import Array, smoothed, speed_of
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.phases import electrical_angle, phase_columns, PHASES, to_dq
 from motor_sysid.signals.record import Record
+
+Complex = NDArray[np.complex128]
 
 OFFSET_SUM = 0.03
 """Mean of the sum of currents, in parts of their RMS, that is worth a warning."""
@@ -133,23 +136,42 @@ def _rotation(record: Record) -> Iterator[Finding]:
 def _best_pairs(record: Record, speed: Array) -> tuple[int, float]:
     """Return the pole pairs, negative for the other order of phases, and the correlation.
 
-    That of the voltage, seen from a frame that turns so many times as fast as the shaft, with the
-    speed: near 1 in the frame of the rotor, where the voltage is back-EMF most of all.
+    That of the voltage with a back-EMF that turns so many times as fast as the shaft, after what
+    the currents at both ends of each sample explain (resistance and inductance) has gone.
     """
     rows = slice(0, MOST_SAMPLES)
-    u = to_dq(phase_columns(record, 'voltage')[rows], 0.0)
-    vector = u[:, 0] + 1j * u[:, 1]
+    u = _vector(record, 'voltage')[rows]
     omega = smoothed(speed[rows], max(1, round(AVERAGED / record.dt)))
     position = record['position'][rows]
     halfway = position + 0.5 * np.append(np.diff(position), 0.0)
-    turn = np.exp(-1j * halfway)
-    scale = math.sqrt(float(np.sum(np.abs(vector) ** 2) * np.sum(omega**2))) or 1.0
-    scores, ahead, back = {}, vector * omega, vector * omega
+    turn = np.exp(1j * halfway)
+    basis = np.empty((u.size, 0), dtype=np.complex128)
+    if sum(f'current_{p}' in record for p in PHASES) >= 2:
+        i = _vector(record, 'current')[rows]
+        basis = np.linalg.qr(np.column_stack([i, np.append(i[1:], i[-1])]))[0]
+
+    def rest(x: Complex) -> Complex:
+        return np.asarray(x - basis @ (basis.conj().T @ x))
+
+    left, scores = rest(u), {}
+    ahead, back = omega.astype(np.complex128), omega.astype(np.complex128)
     for pairs in range(1, MOST_PAIRS + 1):
         ahead, back = ahead * turn, back / turn
-        scores[pairs], scores[-pairs] = (abs(np.sum(x)) / scale for x in (ahead, back))
+        scores[pairs] = _correlation(rest(ahead), left)
+        scores[-pairs] = _correlation(rest(back), left)
     best = max(scores, key=lambda pairs: scores[pairs])
-    return best, float(scores[best])
+    return best, scores[best]
+
+
+def _vector(record: Record, kind: str) -> Complex:
+    """Return three phases as one complex number, (N,)."""
+    x = to_dq(phase_columns(record, kind), 0.0)
+    return np.asarray(x[:, 0] + 1j * x[:, 1])
+
+
+def _correlation(x: Complex, y: Complex) -> float:
+    scale = float(np.linalg.norm(x) * np.linalg.norm(y))
+    return float(abs(np.vdot(x, y))) / scale if scale > 0 else 0.0
 
 
 def _coarse(turn: float) -> Finding:

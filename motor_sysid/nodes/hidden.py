@@ -1,8 +1,9 @@
-"""The simulated plant: a base motor with effects that the rest of the system is not told of."""
+"""What is hidden in a simulated motor: effects that the rest of the system is not told of."""
 
 from collections.abc import Mapping, Sequence
 import math
 
+from motor_sysid.control.tuning import torque_constant
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Card, Scale
 from motor_sysid.physics.effects import effect
@@ -26,7 +27,7 @@ def scales_of_drive(model: Model, supply_voltage: float, dt: float) -> Scales:
     """Return typical sizes of a motor at half its no-load speed and a quarter of stall current."""
     values = model.parameters.values()
     current = 0.25 * supply_voltage / values.get('R', 1.0)
-    k_t = values.get('k_t', 1.0)
+    k_t = torque_constant(model)
     return Scales(
         torque=k_t * current,
         speed=0.5 * supply_voltage / k_t,

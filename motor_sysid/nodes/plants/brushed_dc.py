@@ -1,0 +1,21 @@
+"""A brushed DC motor on a voltage."""
+
+from motor_sysid.nodes.motor_settings import MotorSettings
+from motor_sysid.nodes.plants.base import Plant, Sample
+from motor_sysid.physics.stepper import Stepper
+
+
+class BrushedDcPlant(Plant):
+    """The drive applies the commanded voltage from one sample to the next."""
+
+    frame, command = 'dc', 'voltage'
+
+    def _stepper(self, settings: MotorSettings) -> Stepper:
+        return Stepper(settings.model(), 1 / settings.rate, settings.substeps)
+
+    def sample(self, command: float) -> Sample:
+        """Measure, then apply the command in V."""
+        outputs = self.stepper.outputs
+        current, speed, position = self.sensors.read(outputs['current'], outputs['position'])
+        self.stepper.step(command)
+        return Sample((current, 0.0, 0.0), speed, position, (command, 0.0, 0.0))

@@ -1,0 +1,143 @@
+"""The simulated motor as PMSM and BLDC: against the independent simulator, and over real DDS."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
+
+from ros_harness import nodes, parameters, wait_for
+
+from motor_sysid.benchmark.machine import Bridge, Machine
+from motor_sysid.benchmark.three_phase_drive import PhaseSensors, run_drive, ThreePhaseDrive
+from motor_sysid.control.foc import CurrentLoop
+from motor_sysid.control.six_step import SixStepLoop
+from motor_sysid.errors import UserError
+from motor_sysid.nodes.monitor import Monitor
+from motor_sysid.nodes.motor_settings import MotorSettings
+from motor_sysid.nodes.plants import make_plant
+from motor_sysid.nodes.plants.base import Plant, Sample
+from motor_sysid.recording import load
+from motor_sysid.signals.doctor import examine
+
+IDEAL = {'encoder_counts': 0, 'current_noise': 0.0, 'current_offset': 0.0, 'current_bits': 0}
+ROTOR = {'R': 2.0, 'J': 5e-5, 'b': 2e-5}
+PMSM = Machine(**ROTOR, L_d=4e-3, L_q=5e-3, k_e=4 * 8.3e-3, pole_pairs=4)
+BLDC = Machine(**ROTOR, L_d=5e-3, L_q=5e-3, k_e=0.025, pole_pairs=4, corner=0.3)
+FOC = CurrentLoop(2.0, 4e-3, 5e-3, 8.3e-3, 1080.0)
+SIX = SixStepLoop(2.0, 5e-3, 0.025, 1080.0, 5.0)
+PERFECT = PhaseSensors(counts=0, noise=0.0, bits=0)
+COMMANDS = np.repeat([1.0, -2.0, 0.5], [40, 60, 20])
+
+
+def plant(kind: str, **given: object) -> Plant:
+    settings = {'rate': 500.0, 'control_rate': 4000.0, 'motor_kind': kind, **given}
+    return make_plant(MotorSettings(**settings))  # type: ignore[arg-type]
+
+
+def samples(of: Plant, commands: np.ndarray) -> list[Sample]:
+    return [of.sample(float(command)) for command in commands]
+
+
+@pytest.mark.parametrize('kind', ['pmsm', 'bldc'])
+def test_live_motors_move_as_the_independent_simulation_does(kind: str) -> None:
+    ours = samples(plant(kind, **IDEAL), COMMANDS)
+    machine, loop = (PMSM, FOC) if kind == 'pmsm' else (BLDC, SIX)
+    drive = ThreePhaseDrive(Bridge(24.0), loop, control_dt=2.5e-4, sensors=PERFECT)
+    theirs = run_drive(machine, drive, COMMANDS, 2e-3, np.random.default_rng(0))
+    speed = np.array([sample.position for sample in ours])
+    tolerance = 0.01 if kind == 'pmsm' else 0.03
+    top = np.max(np.abs(theirs.position))
+    assert np.max(np.abs(speed - theirs.position)) < tolerance * top
+    if kind == 'pmsm':
+        current = np.array([sample.current[1] for sample in ours])
+        assert np.allclose(current[5:40], 1.0, atol=0.05)
+        voltage = np.array([sample.voltage for sample in ours])
+        assert np.max(np.abs(voltage[5:, :2] - theirs.command_dq[5:])) < 0.6
+
+
+def test_a_pmsm_tells_d_and_q_with_offsets_that_turn() -> None:
+    of = plant('pmsm', encoder_counts=0, current_noise=0.0, current_bits=0, current_offset=0.1,
+               angle_offset=0.5)  # fmt: skip
+    told = samples(of, np.full(150, 0.3))
+    d = np.array([sample.current[0] for sample in told[20:]])
+    state = of.stepper.state
+    assert (of.frame, of.command) == ('dq', 'current')
+    assert np.max(np.abs(d)) < 0.05, 'the drive believes its sensors'
+    assert abs(state['i_d']) < 0.2
+    assert math.hypot(state['i_d'], state['i_q'] - 0.3) == pytest.approx(0.1155, rel=0.2)
+    u_q = told[-1].voltage[1]
+    assert u_q == pytest.approx(2.0 * 0.3 + 4 * 8.3e-3 * told[-1].speed, abs=0.6)
+
+
+def test_a_bldc_drives_two_phases_and_shows_what_the_third_induces() -> None:
+    of = plant('bldc', **IDEAL)
+    told = samples(of, np.full(120, 1.0))
+    currents = np.abs([sample.current for sample in told[20:]])
+    assert np.median(np.sort(currents)[:, 0]) < 0.02
+    assert np.median(np.sort(currents)[:, 2]) == pytest.approx(1.0, abs=0.1)
+    voltages = np.array([sample.voltage for sample in told])
+    assert np.all((voltages > -0.8) & (voltages < 24.8))
+    assert of.frame == 'abc'
+    assert abs(sum(told[-1].current)) < 1e-9
+
+
+@pytest.mark.parametrize('kind', ['pmsm', 'bldc'])
+def test_hidden_effects_come_without_a_jump_and_reset_stops(kind: str) -> None:
+    of = plant(kind)
+    before = samples(of, np.full(60, 1.0))[-1]
+    of.change(MotorSettings(
+        motor_kind=kind, control_rate=4000.0, hidden_effects=('coulomb_friction',),
+        hidden_parameters=('coulomb_friction.tau_c=0.04',),
+    ))  # fmt: skip
+    after = samples(of, np.full(60, 0.0))
+    assert after[0].speed == pytest.approx(before.speed, rel=0.05)
+    assert after[-1].speed < 0.2 * before.speed
+    of.reset()
+    still = of.sample(0.0)
+    assert (still.speed, still.position) == (0.0, 0.0)
+
+
+def test_rates_that_do_not_go_together_are_refused_with_the_next_that_does() -> None:
+    with pytest.raises(UserError, match='take 1500 Hz'):
+        MotorSettings(motor_kind='pmsm', rate=500.0, control_rate=1600.0)
+    with pytest.raises(UserError, match=r'needs|unknown'):
+        MotorSettings(motor_kind='bldc', hidden_effects=('brush_voltage_drop',))
+
+
+def test_a_pmsm_is_identified_and_recorded_over_dds(repository: Path, tmp_path: Path) -> None:
+    """The files of the launch description, the nodes as programs, and what they leave behind."""
+    config = repository / 'config'
+
+    def files(name: str) -> list[str]:
+        each = (config / f'{name}.yaml', config / 'loop_pmsm.yaml')
+        return [text for file in each for text in ('--params-file', str(file))]
+
+    nominal = '[R=2.3, L_d=3.5e-3, L_q=5.5e-3, psi_f=9.0e-3, J=4.0e-5, b=2.0e-5, pole_pairs=4]'
+    given = {
+        'motor': files('motor'),
+        'pid': [*files('pid'), *parameters(profile='mixed', profile_duration=8.0, top_speed=80.0)],
+        'identifier': [*files('identifier'), *parameters(nominal=nominal)],
+        'recorder': [*files('recorder'), *parameters(path=tmp_path / 'bag')],
+    }
+    with nodes(**given) as running, Monitor('current') as monitor:
+        monitor.wait_until_heard(lambda: None, patience=110)
+        monitor.call('/identifier/reset', lambda: None)
+
+        def known() -> bool:
+            found = monitor.look().estimates
+            names = ('R', 'psi_f', 'J')
+            return all(n in found and found[n].sigma < 0.05 * found[n].value for n in names)
+
+        wait_for(known, 'estimates', 60)
+        estimates = monitor.look().estimates
+        for name in ('pid', 'motor', 'identifier', 'recorder'):
+            assert running[name].end() == 0, running[name].output()
+    for name, value in (('R', 2.0), ('psi_f', 8.3e-3), ('J', 5e-5)):
+        assert estimates[name].value == pytest.approx(value, rel=0.15), name
+    record = max(load(tmp_path / 'bag').records, key=len)
+    names = {'voltage_d', 'voltage_q', 'current_d', 'current_q', 'speed', 'position'}
+    assert names | {'current_command', 'speed_reference'} <= set(record)
+    assert not [f for f in examine(record) if f.code == 'electrical_offset']
