@@ -11,7 +11,7 @@ CLOSED_LOOP_TIME = 0.025
 """Time constant of a speed loop that commands a voltage, s."""
 
 CROSSOVER = 25.0
-"""Bandwidth of one that commands a current, rad/s: no back-EMF damps it where commands are late."""
+"""Bandwidth of one that commands a current, rad/s: no back-EMF damps it when they come late."""
 
 
 @dataclass(frozen=True)
