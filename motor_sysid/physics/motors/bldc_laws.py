@@ -6,7 +6,7 @@ star point floats: it takes the mean of the three.
 """
 
 from motor_sysid.physics.effect import Card, Enters
-from motor_sysid.physics.laws import THIRD, trapezoid
+from motor_sysid.physics.laws import law_function, THIRD, trapezoid
 
 CARD = Card(
     title='trapezoidal back-EMF',
@@ -18,6 +18,7 @@ CARD = Card(
 )
 
 
+@law_function
 def voltage_a(
     omega: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float, flat: float
 ) -> float:
@@ -27,6 +28,7 @@ def voltage_a(
     return k_e * omega * (2.0 * trapezoid(s, flat) - b - c) / 3.0
 
 
+@law_function
 def voltage_b(
     omega: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float, flat: float
 ) -> float:
@@ -36,6 +38,7 @@ def voltage_b(
     return k_e * omega * (2.0 * trapezoid(s - THIRD, flat) - a - c) / 3.0
 
 
+@law_function
 def torque(
     i_a: float, i_b: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float,
     flat: float,
