@@ -157,7 +157,7 @@ def test_a_controller_follows_a_speed_profile(
     seen: list[float] = []
 
     def done() -> bool:
-        seen.append(motor._stepper.state['omega'])
+        seen.append(motor._plant.stepper.state['omega'])
         return node.state is not State.WAITING and node.state is not State.RUNNING
 
     turn(done, motor, pid, node)
