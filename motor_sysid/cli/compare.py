@@ -9,11 +9,14 @@ from motor_sysid.cli.common import (
     add_effect_file_argument,
     load_data,
     load_effect_files,
+    progress,
     write_json,
 )
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.compare import Comparison
+    from motor_sysid.physics.model import Model
+    from motor_sysid.signals.record import Record
 
 HELP = 'compare a model with recordings: errors by channel, and where it fails'
 
@@ -23,6 +26,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('model', type=Path, metavar='MODEL', help='model (YAML)')
     add_data_arguments(parser)
     add_effect_file_argument(parser)
+    parser.add_argument(
+        '--ceiling', nargs='*', metavar='STRUCTURE',
+        help='also fit black-box structures (all, or those named: tf, arx, ...) to the first part '
+        'of DATA, and say how much of what any of them explains in the rest the model explains',
+    )  # fmt: skip
+    parser.add_argument(
+        '--hold-back', type=float, default=0.2, metavar='FRACTION',
+        help='part of each DATA that --ceiling judges on (default: %(default)s)',
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -34,7 +46,8 @@ def run(args: argparse.Namespace) -> int:
 
     load_effect_files(args.effect_file)
     records = load_data(args.data, args.msg_config)
-    comparison, where = compare_model(load_model(args.model), records)
+    model = load_model(args.model)
+    comparison, where = compare_model(model, records)
     print(f'error {comparison.error_percent:.4g} % (free run from the recorded input)')
     errors = _metrics(comparison, records[0].dt)
     for name, value in comparison.channel_percent.items():
@@ -50,15 +63,31 @@ def run(args: argparse.Namespace) -> int:
             f'between {one.bins[worst]:.3g} and {one.bins[worst + 1]:.3g} {one.unit}, '
             f'in {100 * one.time_share[worst]:.0f} % of the time'
         )
-    document = {
+    document: dict[str, object] = {
         'schema': SCHEMA.replace('diagnosis', 'comparison'),
         'error_percent': comparison.error_percent,
         'channel_errors_percent': dict(comparison.channel_percent),
         'metrics': {n: {k: number(v) for k, v in of.items()} for n, of in errors.items()},
         'where': [where_document(w) for w in where],
     }
+    if args.ceiling is not None:
+        document['ceiling'] = _ceiling(model, records, args.ceiling, args.hold_back)
     write_json(document, args.json)
     return 0
+
+
+def _ceiling(
+    model: 'Model', records: 'list[Record]', kinds: list[str], hold_back: float
+) -> dict[str, object]:
+    """Fit structures, print what they explain, and return it for JSON."""
+    from motor_sysid.diagnosis.ceiling import ceiling, ceiling_document, words
+    from motor_sysid.structures import KINDS
+
+    found = ceiling(
+        model, records, kinds=kinds or tuple(KINDS), hold_back=hold_back, progress=progress()
+    )
+    print('\n'.join(words(found)))
+    return ceiling_document(found)
 
 
 def _metrics(comparison: 'Comparison', dt: float) -> dict[str, dict[str, float]]:
