@@ -6,7 +6,9 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from motor_sysid.errors import UserError
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.laws import cos, sin, smooth_sign
+from motor_sysid.physics.linear_effects import along
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.rollout import simulate
@@ -112,6 +114,25 @@ def test_linear_effects_are_exact_however_long_the_sample(key):
     for j, name in enumerate(('current', 'speed')):
         size = np.max(np.abs(shown[:, j]))
         np.testing.assert_allclose(run.outputs[name], shown[:, j], atol=1e-4 * size)
+
+
+@pytest.mark.parametrize('damping', [0.05, 1.0])
+@pytest.mark.parametrize('dt', [1e-3, 5e-3])
+def test_own_states_of_a_linear_effect_along_a_given_motion(dt, damping):
+    t = dt * np.arange(400)
+    states = {'omega': 40 * np.sin(30 * t) + 10, 't': t}
+    values = {'r': 0.6, 'w_a': 400.0, 'z': damping}
+    model = Model.base('brushed_dc', MOTOR).with_effect('flexible_shaft', values)
+    found = along(effect('flexible_shaft'), model.kind, model.parameters.values(), states, dt)
+
+    def rhs(time: float, x: np.ndarray) -> list[float]:
+        slip = np.interp(time, t, states['omega']) - x[1]
+        return [slip, 1.6e5 * x[0] + 800.0 * damping * slip]
+
+    exact = solve_ivp(rhs, (0, t[-1]), [0.0, states['omega'][0]], 'DOP853', t_eval=t, rtol=1e-9,
+                      atol=1e-12, max_step=dt)  # fmt: skip
+    for name, path in zip(('phi', 'omega_l'), exact.y, strict=True):
+        np.testing.assert_allclose(found[name], path, atol=1e-4 * np.max(np.abs(path)))
 
 
 def test_a_fractional_delay_shifts_the_answer():

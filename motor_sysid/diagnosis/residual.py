@@ -16,6 +16,7 @@ from scipy.signal import savgol_filter
 from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.effect import Effect, SECOND
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.linear_effects import along
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.signals.record import Record
@@ -129,7 +130,7 @@ def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
         known: dict[str, Array | float] = {**states, **model.parameters.values()}
         known.update({p.name: model[f'{one.key}.{p.name}'] for p in one.card.parameters})
         if one.card.states:
-            known.update(_memory(one, known, states))
+            known.update(_memory(model, one, known, states))
         for name, law in one.laws.items():
             force = name.removeprefix(SECOND)
             if force in forces and set(inspect.signature(law).parameters) <= set(known):
@@ -139,14 +140,21 @@ def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
 
 
 def _memory(
-    one: Effect, known: Mapping[str, Array | float], states: Mapping[str, Array]
+    model: Model,
+    one: Effect,
+    known: Mapping[str, Array | float],
+    states: Mapping[str, Array],
 ) -> dict[str, Array]:
     """Integrate an effect's own states along measured states, one step a sample.
 
-    Each state takes the newest value of those before it (semi-implicit Euler), which keeps a
-    spring and a mass from growing; one that fades by itself does so exponentially.
+    Those of a linear effect are exact.  Of others each takes the newest value of those before it
+    (semi-implicit Euler), which keeps a spring and a mass from growing; one that fades by itself
+    does so exponentially.
     """
     time = states['t']
+    if one.card.linear:
+        dt = float(np.mean(np.diff(time)))
+        return along(one, model.kind, model.parameters.values(), states, dt)
     own = dict.fromkeys(one.card.states, 0.0)
     own.update({s: float(states[x][0]) for s, x in one.card.begins.items() if x in states})
     path = {name: np.zeros(time.size) for name in own}

@@ -14,11 +14,15 @@ import inspect
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from motor_sysid.physics.effect import Effect, Law
 from motor_sysid.physics.motors.base import Matrices, Motor
 
 Array = NDArray[np.float64]
+
+_APART, _SMALL = 1e-6, 1e-6
+"""Relative distance that keeps equal poles apart, and the size below which a series is used."""
 
 
 class LinearEffects:
@@ -92,3 +96,45 @@ class LinearEffects:
             if name in columns:
                 slope[:, columns[name]] = law(**{**held, name: 1.0})
         return slope
+
+
+def along(
+    one: Effect, kind: Motor, values: Mapping[str, float], states: Mapping[str, Array], dt: float
+) -> dict[str, Array]:
+    """Return the own states (N,) of a linear effect where the motor moves as given.
+
+    Exact for states that are straight lines between the samples.
+
+    Parameters
+    ----------
+    one:
+        The effect.
+    kind, values:
+        The motor, and every parameter by name.
+    states:
+        State or input to (N,) values; one that is not given counts as zero.
+    dt:
+        Sample time in s.
+    """
+    own, names = one.card.states, (*kind.states, *kind.arguments)
+    only = LinearEffects(kind, [one])
+    table = {name: np.array([value]) for name, value in values.items()}
+    a, b, _ = only.extended(kind.matrices(table), table)
+    n = len(kind.states)
+    given = [j for j, name in enumerate(names) if name in states]
+    moved = np.concatenate((a[0, n:, :n], b[0, n:]), axis=1)[:, given]
+    inner = a[0, n:, n:]
+    fastest = np.max(np.abs(np.linalg.eigvals(inner)))
+    rates, vectors = np.linalg.eig(inner + np.diag(_APART * fastest * np.arange(len(own))))
+    drive = np.linalg.solve(vectors, moved) @ np.stack([states[names[j]] for j in given])
+    first = [states[one.card.begins[s]][0] if s in one.card.begins else 0.0 for s in own]
+    mode = np.linalg.solve(vectors, np.array(first, dtype=complex))
+    paths = np.empty(drive.shape, dtype=complex)
+    for k, rate in enumerate(rates):
+        z = rate * dt
+        held = np.expm1(z) / z if abs(z) > _SMALL else 1 + z / 2
+        bent = (held - 1) / z if abs(z) > _SMALL else 0.5 + z / 6
+        force = dt * (held * drive[k, :-1] + bent * np.diff(drive[k]))
+        paths[k] = lfilter([1.0], [1.0, -np.exp(z)], np.concatenate(([mode[k]], force)))
+    path = (vectors @ paths).real
+    return dict(zip(own, path, strict=True))
