@@ -16,15 +16,12 @@ from motor_sysid.diagnosis.refit import (
     try_effect,
     try_pair,
 )
-from motor_sysid.diagnosis.rounds import WORKERS
+from motor_sysid.diagnosis.rounds import ONLY_NOISE, WORKERS
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.verdict import RIVAL_BIC, RIVAL_SHARE
 from motor_sysid.physics.effects import effect
-
-ONLY_NOISE = 1.02
-"""Whitened variance, in units of the noise, up to which a model leaves nothing to reconsider."""
 
 ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""

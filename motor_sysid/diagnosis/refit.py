@@ -270,7 +270,8 @@ def _opened(tried: Model, base: Model, scored: Scored) -> Model:
     start = {name: value for name, value in scored.base.items() if name in tried.parameters}
     start |= {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
     share = 1.0 + start.get(f'{key}.{card.amplitudes[0].name}', 0.0)
-    for name in (n for n in card.shrinks if n in base.parameters):
+    shrunk = () if scored.variant.inherits else card.shrinks
+    for name in (n for n in shrunk if n in base.parameters):
         p = base.parameters[name]
         start[name] = float(np.clip(p.value / share, p.lower, p.upper))
     return tried.with_free(free).with_values(start)
@@ -290,13 +291,15 @@ def best_per_effect(scores: Sequence[Scored], limit: int) -> list[list[Scored]]:
 
     Effects with many variants have many local minima: three starts are kept of them.  With an
     effect come its special cases, whatever their score: nothing may be named that is more than the
-    data ask for.
+    data ask for.  What generalises an effect of the model comes along, too: where its law is far
+    from the special one, no derivative tells what it is worth.
     """
     best: dict[str, list[Scored]] = {}
     for one in scores:
         best.setdefault(one.variant.effect.key, []).append(one)
     chosen = list(best)[:limit]
     special = [s for key in chosen for s in effect(key).card.generalises]
+    special += [key for key, found in best.items() if found[0].variant.inherits]
     chosen += [key for key in dict.fromkeys(special) if key in best and key not in chosen]
     return [best[key][: STARTS if _has_valleys(best[key]) else 1] for key in chosen]
 

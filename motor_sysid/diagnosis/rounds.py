@@ -19,6 +19,9 @@ Tell = Callable[[str], None]
 WORKERS = 2
 """Refits that may run at the same time; what they find does not depend on it."""
 
+ONLY_NOISE = 1.02
+"""Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
+
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
 this much behind it, or if it is a wider or a narrower form of the winner: it is no rival."""
@@ -50,16 +53,17 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
     -------
     Those that pass before others, best first.
     """
+    level = Level.of(rung, bench, scores.weighting)
+    leaves = level.cost > ONLY_NOISE * level.rows
     chosen: list[list[Scored]] = []
     special: set[str] = set()
     for starts in best_per_effect(scores.singles, limit):
         one = starts[0].variant.effect
-        if starts[0].delta_bic > 0.0 or one.key in special or not chosen:
+        wider = leaves and starts[0].variant.inherits
+        if starts[0].delta_bic > 0.0 or wider or one.key in special or not chosen:
             special |= set(one.card.generalises)
             chosen.append(starts)
     tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
-
-    level = Level.of(rung, bench, scores.weighting)
 
     def roughly(starts: Sequence[Scored]) -> Trial:
         return try_roughly(starts, level, bench)

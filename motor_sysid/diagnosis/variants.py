@@ -1,6 +1,6 @@
 """What can be tried on a fitted model: every effect, once for each choice of its shape."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import product
 
@@ -53,16 +53,19 @@ def variants(
             continue
         if any(p.name == one.card.covers for p in model.parameters.free):
             continue
-        inherits = any(special in model.effects for special in one.card.generalises)
-        for values in _choices(one, scales, proposed.get(one.key, ())):
+        pairs = [p for special, p in one.card.generalises.items() if special in model.effects]
+        taken = {mine for some in pairs for mine, _ in some}
+        inherits = bool(pairs)
+        for values in _choices(one, scales, proposed.get(one.key, ()), taken):
             tried = frozen.with_effect(one.key, values, scales)
-            fixed = [f'{one.key}.{name}' for name in values]
+            fixed = [f'{one.key}.{name}' for name in (*values, *taken)]
             yield Variant(one, values, tried.with_free(fixed, free=False), inherits)
 
 
 def _choices(
-    one: Effect, scales: Scales, proposed: Sequence[float]
+    one: Effect, scales: Scales, proposed: Sequence[float], taken: Set[str]
 ) -> Iterator[dict[str, float]]:
+    """Give values to all shapes but those that are `taken` over from what the model has."""
     grids: list[list[tuple[str, float]]] = []
     for card in one.card.parameters:
         size = scales.size(card.scale)
@@ -71,7 +74,7 @@ def _choices(
                 grids.append([(card.name, t * size) for t in card.trials])
         elif card.name in (one.card.orders, one.card.moment, one.card.frequency):
             grids.append([(card.name, float(value)) for value in proposed])
-        elif isinstance(card, Shape):
+        elif isinstance(card, Shape) and card.name not in taken:
             grids.append([(card.name, s * size) for s in card.starts])
     for choice in product(*grids):
         yield dict(choice)

@@ -92,7 +92,8 @@ class Model:
     ) -> 'Model':
         """Return the model with one effect more.
 
-        Effects that the new one generalises go, and it starts from their values; a parameter of
+        Effects that the new one generalises go, and it starts from their values, kept inside its
+        boxes; a parameter of
         the motor that does the same is held from now on.  `values` name
         the effect's parameters without its key; the others start at zero (amplitudes) or at their
         first start (shapes).  With `scales` the boxes are those of the card; without, they are
@@ -126,10 +127,12 @@ class Model:
         if self.linear:
             added = [_linear(p) for p in added]
         covered = [p.name for p in slim.parameters if p.name == new.card.covers]
+        boxes = {p.name: p for p in added}
+        taken = {f'{key}.{name}': value for name, value in inherited.items()}
+        taken = {n: min(max(v, boxes[n].lower), boxes[n].upper) for n, v in taken.items()}
+        given = {f'{key}.{name}': value for name, value in (values or {}).items()}
         kept = slim.parameters.with_free(covered, False)
-        parameters = kept.plus(added).with_values(
-            {f'{key}.{name}': value for name, value in {**inherited, **(values or {})}.items()}
-        )
+        parameters = kept.plus(added).with_values({**taken, **given})
         return replace(slim, effects=(*slim.effects, key), parameters=parameters)
 
     def effect(self, key: str) -> Effect:

@@ -31,7 +31,7 @@ CARD = Card(
     axis='time',
     states=('phi', 'omega_l'),
     begins={'omega_l': 'omega'},
-    generalises={'flexible_shaft': (('r', 'r'),)},
+    generalises={'flexible_shaft': (('r', 'r'), ('w_a', 'w_a'), ('z', 'z'))},
     shrinks=('J',),
 )  # fmt: skip
 
