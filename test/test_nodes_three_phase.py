@@ -21,6 +21,7 @@ from motor_sysid.nodes.plants import make_plant
 from motor_sysid.nodes.plants.base import Plant, Sample
 from motor_sysid.recording import load
 from motor_sysid.signals.doctor import examine
+from motor_sysid.signals.phases import phase_columns
 
 IDEAL = {'encoder_counts': 0, 'current_noise': 0.0, 'current_offset': 0.0, 'current_bits': 0}
 ROTOR = {'R': 2.0, 'J': 5e-5, 'b': 2e-5}
@@ -141,3 +142,34 @@ def test_a_pmsm_is_identified_and_recorded_over_dds(repository: Path, tmp_path: 
     names = {'voltage_d', 'voltage_q', 'current_d', 'current_q', 'speed', 'position'}
     assert names | {'current_command', 'speed_reference'} <= set(record)
     assert not [f for f in examine(record) if f.code == 'electrical_offset']
+
+
+def test_a_bldc_is_recorded_in_phases_over_dds(repository: Path, tmp_path: Path) -> None:
+    """Terminal voltages and currents of all phases, at stamps that every topic shares."""
+    loop = ['--params-file', str(repository / 'config' / 'loop_bldc.yaml')]
+    given = {
+        'motor': [*loop, *parameters(rate=200, control_rate=2000)],
+        'pid': [*loop, *parameters(profile='steps', profile_duration=6.0, top_speed=20.0)],
+        'recorder': parameters(path=tmp_path / 'bag'),
+    }
+    with nodes(**given) as running:
+        wait_for(lambda: turned(tmp_path / 'bag') > 2.0, 'a turn of the shaft', 90)
+        for name in ('pid', 'motor', 'recorder'):
+            assert running[name].end() == 0, running[name].output()
+    record = max(load(tmp_path / 'bag').records, key=len)
+    currents, voltages = (phase_columns(record, kind) for kind in ('current', 'voltage'))
+    assert np.max(np.abs(currents.sum(axis=1))) < 1e-9
+    assert record.dt == pytest.approx(5e-3)
+    turning = np.abs(record['speed']) > 3
+    line = np.ptp(voltages[turning], axis=1)
+    assert np.all(line < 25.5)
+    assert np.median(line) > 0.05
+    assert {'current_command', 'speed_reference'} <= set(record)
+
+
+def turned(bag: Path) -> float:
+    """Return how far the shaft got in a bag that is being written, rad."""
+    try:
+        return float(max(np.ptp(record['position']) for record in load(bag).records))
+    except UserError:
+        return 0.0
