@@ -62,6 +62,22 @@ def test_linear_axis_in_open_loop(tmp_path):
     assert np.max(np.abs(record['force'])) == pytest.approx(25.0)
 
 
+@pytest.mark.parametrize('motor', ['pmsm', 'bldc'])
+def test_three_phase_motors_come_with_their_drive(tmp_path, motor):
+    pmsm, bldc = ['L_d=4e-3', 'L_q=5e-3', 'psi_f=8.3e-3'], ['L=5e-3', 'k_e=25e-3']
+    magnet = pmsm if motor == 'pmsm' else bldc
+    values = ['R=2', *magnet, 'J=5e-5', 'b=2e-5', 'pole_pairs=4']
+    out = tmp_path / 'run.csv'
+    motion = ['--duration', '2', '--profile', 'reversals', '--top-speed', '40', '--rate', '500']
+    assert main(['simulate', '--motor', motor, '--set', *values, *motion, '-o', str(out)]) == 0
+    record = one(out)
+    axes = 'dq' if motor == 'pmsm' else 'abc'
+    assert {f'{kind}_{axis}' for kind in ('voltage', 'current') for axis in axes} <= set(record)
+    error = record['speed'] - record['speed_reference']
+    assert np.std(error) < 0.5 * np.std(record['speed_reference'])
+    assert np.max(np.abs(record['current_command'])) <= 0.4 * 24 / 2 + 1e-9
+
+
 def test_same_seed_same_file(tmp_path):
     for name, seed in (('a', '1'), ('b', '1'), ('c', '2')):
         out = str(tmp_path / f'{name}.csv')

@@ -35,7 +35,7 @@ COMMANDS = np.repeat([1.0, -2.0, 0.5], [40, 60, 20])
 
 def plant(kind: str, **given: object) -> Plant:
     settings = {'rate': 500.0, 'control_rate': 4000.0, 'motor_kind': kind, **given}
-    return make_plant(MotorSettings(**settings))  # type: ignore[arg-type]
+    return make_plant(MotorSettings(**settings).setup())  # type: ignore[arg-type]
 
 
 def samples(of: Plant, commands: np.ndarray) -> list[Sample]:
@@ -92,7 +92,7 @@ def test_hidden_effects_come_without_a_jump_and_reset_stops(kind: str) -> None:
     of.change(MotorSettings(
         motor_kind=kind, control_rate=4000.0, hidden_effects=('coulomb_friction',),
         hidden_parameters=('coulomb_friction.tau_c=0.04',),
-    ))  # fmt: skip
+    ).setup())  # fmt: skip
     after = samples(of, np.full(60, 0.0))
     assert after[0].speed == pytest.approx(before.speed, rel=0.05)
     assert after[-1].speed < 0.2 * before.speed

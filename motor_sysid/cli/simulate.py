@@ -10,7 +10,11 @@ from motor_sysid.cli.common import add_effect_file_argument, load_data, load_eff
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from motor_sysid.control.profile import Profile
+    from motor_sysid.nodes.sensors import SensorSettings
     from motor_sysid.physics.model import Model
     from motor_sysid.signals.record import Record
 
@@ -18,6 +22,10 @@ HELP = 'simulate a motor with effects and realistic sensors; write a CSV or a ba
 
 _REACH = 0.6
 _SLOWEST_LOOP = 0.05
+_CROSSOVER = 40.0
+_CONTROL_RATE = 4000.0
+_LARGEST_CURRENT = 0.4
+_LARGEST_TURN = 0.2
 _FILES = ('.yaml', '.yml', '.csv')
 
 
@@ -134,6 +142,8 @@ def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
     wanted = profile.sampled(dt)
     if profile.signal != SPEED:
         return run_open(model, {profile.signal: wanted}, dt, sense)
+    if model.kind.frame:
+        return _driven(model, args, wanted)
     if model.motor != 'brushed_dc':
         raise UserError(
             f'a {model.kind.title} is simulated without a controller; give --open-loop LEVEL '
@@ -155,8 +165,38 @@ def _profile(model: 'Model', args: argparse.Namespace) -> 'Profile':
         name = _inputs(model)[0]
         unit = unit_of(name, linear=model.linear)
         return Profile(args.profile, args.open_loop, args.duration, signal=name, unit=unit)
-    k_t = model['k_t'] if 'k_t' in model.parameters else 1.0
-    return Profile(args.profile, args.top_speed or _REACH * args.supply / k_t, args.duration)
+    top = args.top_speed or _default_speed(model, args)
+    return Profile(args.profile, top, args.duration)
+
+
+def _default_speed(model: 'Model', args: argparse.Namespace) -> float:
+    """Return what the supply allows, and at which phases can still be sampled, rad/s."""
+    from motor_sysid.control.tuning import torque_constant
+
+    reach: float = _REACH * args.supply / torque_constant(model)
+    if model.kind.frame != 'abc':
+        return reach
+    return min(reach, _LARGEST_TURN * float(args.rate) / model['pole_pairs'])
+
+
+def _driven(model: 'Model', args: argparse.Namespace, wanted: 'NDArray[np.float64]') -> 'Record':
+    """Run a three-phase motor on the drive that fits it, under speed control."""
+    from motor_sysid.control.pid import Pid
+    from motor_sysid.control.tuning import current_pi, torque_constant
+    from motor_sysid.nodes.plants import make_plant
+    from motor_sysid.nodes.plants.base import Setup
+    from motor_sysid.nodes.plants.run import run_plant
+    from motor_sysid.physics.model import Model
+
+    own = {n: v for n, v in model.parameters.values().items() if '.' not in n}
+    limit = _LARGEST_CURRENT * args.supply / model['R']
+    periods = max(math.ceil(_CONTROL_RATE / args.rate), 1)
+    setup = Setup(
+        Model.base(model.motor, own), model, _sensor_settings(model, args), args.rate, periods,
+        supply=args.supply, current_limit=limit,
+    )  # fmt: skip
+    gains = current_pi(model['J'], torque_constant(model), _CROSSOVER, limit)
+    return run_plant(make_plant(setup), Pid(gains), wanted)
 
 
 def _inputs(model: 'Model') -> tuple[str, ...]:
@@ -181,18 +221,11 @@ def _sensors(
     model: 'Model', args: argparse.Namespace, dt: float
 ) -> Callable[[Mapping[str, float]], Mapping[str, float]]:
     """Return the sensors: encoder counts and their difference, and a noisy, rounded current."""
-    from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
+    from motor_sysid.nodes.sensors import DriveSensors
 
     if args.ideal:
         return lambda outputs: outputs
-    counts = round(args.counts * 2 * math.pi) if model.linear else args.counts
-    settings = SensorSettings(
-        counts_per_revolution=counts,
-        current_noise=args.current_noise,
-        current_bits=args.current_bits,
-        seed=args.seed,
-    )
-    drive = DriveSensors(settings, dt)
+    drive = DriveSensors(_sensor_settings(model, args), dt)
 
     def sense(outputs: Mapping[str, float]) -> dict[str, float]:
         position = outputs['position']
@@ -201,3 +234,16 @@ def _sensors(
         return {name: shown[name] for name in outputs}
 
     return sense
+
+
+def _sensor_settings(model: 'Model', args: argparse.Namespace) -> 'SensorSettings':
+    from motor_sysid.nodes.sensors import SensorSettings
+
+    if args.ideal:
+        return SensorSettings(0, 0.0, 0.0, current_bits=0)
+    return SensorSettings(
+        counts_per_revolution=round(args.counts * 2 * math.pi) if model.linear else args.counts,
+        current_noise=args.current_noise,
+        current_bits=args.current_bits,
+        seed=args.seed,
+    )

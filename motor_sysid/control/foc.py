@@ -6,8 +6,9 @@ IEEE Trans. Ind. Appl. 34 (1998), doi:10.1109/28.658735): with ``a`` the bandwid
     u_d = a L_d e_d + a R integral(e_d) - omega_e L_q i_q
     u_q = a L_q e_q + a R integral(e_q) + omega_e (L_d i_d + psi_f)
 
-so that each current follows as ``a / (s + a)``.  Where the voltage does not suffice the vector is
-shortened, and the integrals fall back to what was applied.
+so that each current follows as ``a / (s + a)``.  Where the voltage does not suffice, d gets what it
+asks for and q what is left of the circle, so that the flux stays in hand; the integrals fall back
+to what was applied.
 """
 
 from collections.abc import Sequence
@@ -138,9 +139,9 @@ class Foc:
         loop, a = self.loop, self.loop.bandwidth
         u_d = a * loop.L_d * e_d + self._sum_d - omega_e * loop.L_q * i_q
         u_q = a * loop.L_q * e_q + self._sum_q + omega_e * (loop.L_d * i_d + loop.psi_f)
-        length = math.hypot(u_d, u_q)
-        share = self.limit / length if length > self.limit else 1.0
-        v_d, v_q = share * u_d, share * u_q
+        v_d = min(max(u_d, -self.limit), self.limit)
+        left = math.sqrt(self.limit**2 - v_d**2)
+        v_q = min(max(u_q, -left), left)
         self._sum_d += loop.R * self.dt * (a * e_d + (v_d - u_d) / loop.L_d)
         self._sum_q += loop.R * self.dt * (a * e_q + (v_q - u_q) / loop.L_q)
         self.voltage_dq = v_d, v_q

@@ -39,7 +39,7 @@ class MotorNode(LoopNode):
         self.settings = Settings(self, MotorSettings)
         s = self.settings.value
         self.period = 1 / s.rate
-        self._plant = make_plant(s)
+        self._plant = make_plant(s.setup())
         frame, told = self._plant.frame, f'motor/{self._plant.command}_command'
         self._voltage = vector_publisher(self, 'motor/voltage', frame)
         self._current = vector_publisher(self, 'motor/current', frame)
@@ -96,7 +96,7 @@ class MotorNode(LoopNode):
 
     def _rebuild(self, settings: MotorSettings) -> None:
         """Change the hidden effects while the motor turns."""
-        self._plant.change(settings)
+        self._plant.change(settings.setup())
         self.get_logger().info('the motor has changed')
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from motor_sysid.errors import UserError
 from motor_sysid.nodes.hidden import parse_assignments, scales_of_drive, with_hidden
 from motor_sysid.nodes.parameters import parameter
+from motor_sysid.nodes.plants.base import Setup
 from motor_sysid.nodes.sensors import SensorSettings
 from motor_sysid.physics.model import Model
 
@@ -104,11 +105,15 @@ class MotorSettings:
         given = parse_assignments(self.hidden_parameters)
         return with_hidden(base, self.hidden_effects, given, scales)
 
-    def sensors(self) -> SensorSettings:
-        """Return the sensors."""
-        return SensorSettings(
+    def setup(self) -> Setup:
+        """Return what is simulated."""
+        sensors = SensorSettings(
             self.encoder_counts, self.current_noise, self.current_offset, self.current_range,
             self.current_bits, self.seed,
+        )  # fmt: skip
+        return Setup(
+            self.base(), self.model(), sensors, self.rate, self.periods, self.substeps,
+            self.supply_voltage, self.current_limit,
         )  # fmt: skip
 
     def __post_init__(self) -> None:

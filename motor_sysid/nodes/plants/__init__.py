@@ -1,7 +1,6 @@
 """The motors that can be simulated live.  To add one: write its file and name its class here."""
 
-from motor_sysid.nodes.motor_settings import MotorSettings
-from motor_sysid.nodes.plants.base import Plant
+from motor_sysid.nodes.plants.base import Plant, Setup
 from motor_sysid.nodes.plants.bldc import BldcPlant
 from motor_sysid.nodes.plants.brushed_dc import BrushedDcPlant
 from motor_sysid.nodes.plants.pmsm import PmsmPlant
@@ -11,6 +10,6 @@ PLANTS: dict[str, type[Plant]] = {
 }  # fmt: skip
 
 
-def make_plant(settings: MotorSettings) -> Plant:
-    """Return the simulated motor of these settings, at rest."""
-    return PLANTS[settings.motor_kind](settings)
+def make_plant(setup: Setup) -> Plant:
+    """Return the simulated motor, at rest."""
+    return PLANTS[setup.base.motor](setup)

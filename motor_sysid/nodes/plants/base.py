@@ -4,11 +4,44 @@ from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar
 
-from motor_sysid.nodes.motor_settings import MotorSettings
-from motor_sysid.nodes.sensors import DriveSensors
+from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
+from motor_sysid.physics.model import Model
 from motor_sysid.physics.stepper import Stepper
 
 Three = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Setup:
+    """What is simulated.
+
+    Attributes
+    ----------
+    base, model:
+        The motor as its drive knows it, and as it is.
+    sensors:
+        What is measured.
+    rate, periods:
+        Samples per second, and control periods of the drive in a sample.
+    substeps:
+        Integration steps per sample.
+    supply, current_limit:
+        Largest voltage, V, and largest current that a drive follows, A.
+    """
+
+    base: Model
+    model: Model
+    sensors: SensorSettings
+    rate: float
+    periods: int = 1
+    substeps: int = 20
+    supply: float = 24.0
+    current_limit: float = 5.0
+
+    @property
+    def control_period(self) -> float:
+        """Length of a control period, s."""
+        return 1 / (self.rate * self.periods)
 
 
 @dataclass(frozen=True)
@@ -45,15 +78,15 @@ class Plant(ABC):
     frame: ClassVar[str]
     command: ClassVar[str]
 
-    def __init__(self, settings: MotorSettings) -> None:
-        self.settings = settings
-        self.sensors = DriveSensors(settings.sensors(), 1 / settings.rate)
-        self.stepper = self._stepper(settings)
+    def __init__(self, setup: Setup) -> None:
+        self.setup = setup
+        self.sensors = DriveSensors(setup.sensors, 1 / setup.rate)
+        self.stepper = self._stepper(setup)
         self.sample(0.0)  # compiles
         self.reset()
 
     @abstractmethod
-    def _stepper(self, settings: MotorSettings) -> Stepper:
+    def _stepper(self, setup: Setup) -> Stepper:
         """Return the motor in steps of the drive."""
 
     @abstractmethod
@@ -65,8 +98,8 @@ class Plant(ABC):
         self.stepper.reset()
         self.sensors.reset(0.0)
 
-    def change(self, settings: MotorSettings) -> None:
+    def change(self, setup: Setup) -> None:
         """Take other hidden effects; the motor goes on turning."""
         state = self.stepper.state
-        self.settings, self.stepper = settings, self._stepper(settings)
+        self.setup, self.stepper = setup, self._stepper(setup)
         self.stepper.reset(**state)

@@ -7,8 +7,7 @@ from numba import njit
 
 from motor_sysid.control.foc import FASTEST
 from motor_sysid.control.six_step import SixStep, SixStepLoop
-from motor_sysid.nodes.motor_settings import MotorSettings
-from motor_sysid.nodes.plants.base import Plant, Sample, Three
+from motor_sysid.nodes.plants.base import Plant, Sample, Setup, Three
 from motor_sysid.physics.effect import Law
 from motor_sysid.physics.motors.bldc_laws import voltage_a, voltage_b
 from motor_sysid.physics.stepper import Stepper
@@ -33,16 +32,14 @@ class BldcPlant(Plant):
 
     frame, command = 'abc', 'current'
 
-    def _stepper(self, settings: MotorSettings) -> Stepper:
-        self._period = 1 / (settings.rate * settings.periods)
-        base = settings.base()
-        loop = SixStepLoop.of(base, 0.9 * FASTEST / self._period, settings.current_limit)
-        self._drive = SixStep(loop, settings.supply_voltage, self._period)
+    def _stepper(self, setup: Setup) -> Stepper:
+        self._period, base = setup.control_period, setup.base
+        loop = SixStepLoop.of(base, 0.9 * FASTEST / self._period, setup.current_limit)
+        self._drive = SixStep(loop, setup.supply, self._period)
         self._pairs, self._offset = base['pole_pairs'], base['angle_offset']
         self._wave = base['k_e'], self._pairs, self._offset, base['flat']
         self._inertial = base['L'] / self._period + 0.5 * base['R']
-        steps = max(settings.substeps // settings.periods, 1)
-        return Stepper(settings.model(), self._period, steps)
+        return Stepper(setup.model, self._period, max(setup.substeps // setup.periods, 1))
 
     def reset(self) -> None:
         """Start again at rest at position 0."""
@@ -51,7 +48,7 @@ class BldcPlant(Plant):
 
     def sample(self, command: float) -> Sample:
         """Measure, then follow the command in A for as many control periods as a sample has."""
-        state, periods = self.stepper.state, self.settings.periods
+        state, periods = self.stepper.state, self.setup.periods
         speed, position = self.sensors.encoder(state['theta'])
         current, total = self.sensors.phases(state['i_a'], state['i_b']), [0.0, 0.0, 0.0]
         for k in range(periods):
@@ -70,7 +67,7 @@ class BldcPlant(Plant):
         driven = sum(v for k, v in enumerate(legs) if k != off)
         induced = self._induced(off, state['omega'], state['theta'])
         free = 0.5 * driven + 1.5 * (induced - self._inertial * (a, b, -a - b)[off])
-        floating = min(max(free, -DIODE), self.settings.supply_voltage + DIODE)
+        floating = min(max(free, -DIODE), self.setup.supply + DIODE)
         u_a, u_b, u_c = (floating if k == off else v for k, v in enumerate(legs))
         return u_a, u_b, u_c
 

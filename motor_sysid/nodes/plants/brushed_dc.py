@@ -1,7 +1,6 @@
 """A brushed DC motor on a voltage."""
 
-from motor_sysid.nodes.motor_settings import MotorSettings
-from motor_sysid.nodes.plants.base import Plant, Sample
+from motor_sysid.nodes.plants.base import Plant, Sample, Setup
 from motor_sysid.physics.stepper import Stepper
 
 
@@ -10,8 +9,8 @@ class BrushedDcPlant(Plant):
 
     frame, command = 'dc', 'voltage'
 
-    def _stepper(self, settings: MotorSettings) -> Stepper:
-        return Stepper(settings.model(), 1 / settings.rate, settings.substeps)
+    def _stepper(self, setup: Setup) -> Stepper:
+        return Stepper(setup.model, 1 / setup.rate, setup.substeps)
 
     def sample(self, command: float) -> Sample:
         """Measure, then apply the command in V."""

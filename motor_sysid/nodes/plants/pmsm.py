@@ -4,8 +4,7 @@ from collections.abc import Mapping
 import math
 
 from motor_sysid.control.foc import CurrentLoop, FASTEST, Foc
-from motor_sysid.nodes.motor_settings import MotorSettings
-from motor_sysid.nodes.plants.base import Plant, Sample, Three
+from motor_sysid.nodes.plants.base import Plant, Sample, Setup, Three
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.signals.phases import inverse_park, park
 
@@ -19,14 +18,12 @@ class PmsmPlant(Plant):
 
     frame, command = 'dq', 'current'
 
-    def _stepper(self, settings: MotorSettings) -> Stepper:
-        self._period = 1 / (settings.rate * settings.periods)
-        base = settings.base()
+    def _stepper(self, setup: Setup) -> Stepper:
+        self._period, base = setup.control_period, setup.base
         loop = CurrentLoop.of(base, 0.9 * FASTEST / self._period)
-        self._drive = Foc(loop, settings.supply_voltage, self._period)
+        self._drive = Foc(loop, setup.supply, self._period)
         self._pairs, self._offset = base['pole_pairs'], base['angle_offset']
-        steps = max(settings.substeps // settings.periods, 1)
-        return Stepper(settings.model(), self._period, steps)
+        return Stepper(setup.model, self._period, max(setup.substeps // setup.periods, 1))
 
     def reset(self) -> None:
         """Start again at rest at position 0."""
@@ -35,7 +32,7 @@ class PmsmPlant(Plant):
 
     def sample(self, command: float) -> Sample:
         """Measure, then follow the command in A for as many control periods as a sample has."""
-        state, periods = self.stepper.state, self.settings.periods
+        state, periods = self.stepper.state, self.setup.periods
         speed, position = self.sensors.encoder(state['theta'])
         measured, angle = self._measured(state), self._electrical(position)
         current = park(*measured, math.cos(angle), math.sin(angle))
