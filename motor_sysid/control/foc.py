@@ -6,9 +6,9 @@ IEEE Trans. Ind. Appl. 34 (1998), doi:10.1109/28.658735): with ``a`` the bandwid
     u_d = a L_d e_d + a R integral(e_d) - omega_e L_q i_q
     u_q = a L_q e_q + a R integral(e_q) + omega_e (L_d i_d + psi_f)
 
-so that each current follows as ``a / (s + a)``.  Where the voltage does not suffice, d gets what it
-asks for and q what is left of the circle, so that the flux stays in hand; the integrals fall back
-to what was applied.
+so that each current follows as ``a / (s + a)``.  Where the voltage does not suffice, d gets what
+it asks for and q what is left of the circle, so that the flux stays in hand; the integrals fall
+back to what was applied.
 """
 
 from collections.abc import Sequence
