@@ -38,6 +38,11 @@ class Arrival:
         self.information += np.diag(1.0 / wider**2 - 1.0 / self.prior**2)
         self.prior = wider
 
+    def fade(self, keep: float) -> None:
+        """Believe less of what was known before; what is never forgotten stays."""
+        floor = np.diag((1.0 - keep) / self.prior**2)
+        self.information = keep * self.information + floor
+
     def absorb(self, sums: Array, free: Array, at: Array, keep: float) -> None:
         """Take what leaves the window.
 
@@ -58,8 +63,8 @@ class Arrival:
         new = sums[n:, n:size] - cross @ known[:, :-1]
         new = 0.5 * (new + new.T)
         pull = sums[n:, size] - cross @ known[:, -1]
-        old = keep * self.information
         floor = (1.0 - keep) / self.prior**2
+        old = keep * self.information
         right = old @ self.center + floor * at + new @ at + pull
         self.information = old + np.diag(floor) + new
         self.center = np.asarray(np.linalg.solve(self.information, right), dtype=np.float64)

@@ -9,7 +9,8 @@ real-time iteration of Diehl, Bock and Schloeder 2005, doi:10.1137/S036301290240
 the motion says where a window begins and makes the predictions.
 
 What physics lacks is not filtered away within a window, but no single measurement counts beyond
-three standard deviations, and the variances are those of the residuals.  The covariance is that
+three standard deviations, and the variances are those of the residuals.  Where these jump, what
+was known before is believed less.  The covariance is that
 of the normal equations, widened by what the residuals of the window's parts have in common, and by
 how far parameters may have wandered within the memory.
 """
@@ -39,6 +40,7 @@ _STRIDE = 0.5
 _REACH = 5.0
 _KNOWN = 0.5
 _SMOOTH = 0.3
+_SURPRISE = 2.0
 _LEAST = 1e-4
 
 
@@ -155,6 +157,9 @@ class Mhe(OnlineEstimator):
     def _judge(self, summary: Summary, information: Array, step: Array) -> None:
         """Learn variances from the residuals, and how much the parts of a window agree."""
         fresh = np.maximum(summary.power, 1.0)
+        surprise = float(np.nanmax(fresh / self._scale, initial=1.0))
+        if surprise > _SURPRISE:
+            self._arrival.fade(_SURPRISE / surprise)
         self._scale = np.where(
             np.isfinite(fresh), self._scale + _SMOOTH * (fresh - self._scale), self._scale
         )
