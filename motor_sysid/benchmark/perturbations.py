@@ -71,7 +71,7 @@ PERTURBATIONS = (
     Perturbation('P6', 'disturbance: random torque of 5 %', torque=0.05),
     Perturbation('P7', 'current: sensor gain off by 5 %', ('current_sensor_scale',), 0.05),
     Perturbation('P8', 'position: encoder off centre by 0.3 degrees', eccentricity=5e-3),
-    Perturbation('P9', 'heat: resistance rises by 25 %', ('armature_heating',)),
+    Perturbation('P9', 'heat: resistance rises by a quarter', ('armature_heating',)),
     Perturbation('P10a', 'discontinuity: inertia steps by 50 %', ('inertia_change',)),
     Perturbation('P10b', 'discontinuity: backlash of 2 degrees', ('backlash',)),
     Perturbation('P11', 'hysteresis: bristle friction (LuGre)', ('lugre_friction',)),
@@ -101,14 +101,15 @@ def perturbed_run(perturbation: Perturbation, motor: int, seconds: float, seed: 
     rng = np.random.default_rng([seed, motor, *perturbation.code.encode()])
     sheet = next(s for s in DATA_SHEETS if s.name == MOTORS[motor % len(MOTORS)])
     plant, sensors = _plant(sheet, rng), _sensors(sheet, perturbation)
-    situation = Situation(sheet, seconds, plant.R * (0.5 * sheet.current) ** 2)
+    count = round(seconds / DT)
+    control = _control(sheet, plant, perturbation.speed, count, rng)
+    loss = plant.R * float(np.mean(run(plant, control, DT).current ** 2))
+    situation = Situation(sheet, seconds, loss)
     for key in perturbation.effects:
         if key in HIDE_SENSOR:
             sensors = HIDE_SENSOR[key](sensors, perturbation.size, situation, rng)
         else:
             plant = HIDE[key](plant, perturbation.size, situation, rng)
-    count = round(seconds / DT)
-    control = _control(sheet, plant, perturbation.speed, count, rng)
     torque = _random_torque(perturbation.torque * sheet.torque, count, rng)
     truth = run(plant, control, DT, torque)
     turned = truth.position + perturbation.eccentricity * np.sin(truth.position)
