@@ -5,6 +5,7 @@ import numpy as np
 from online_tools import feed, identifier, score
 import pytest
 from scipy.optimize import lsq_linear
+from three_phase_records import pmsm_record
 
 from motor_sysid.benchmark.plant import Plant
 from motor_sysid.benchmark.sensors import measure, Sensors
@@ -18,6 +19,7 @@ from motor_sysid.estimation.online.learners.directional import Directional
 from motor_sysid.estimation.online.learners.gradient import Gradient
 from motor_sysid.estimation.online.learners.window import Window
 from motor_sysid.estimation.online.motion import Motion
+from motor_sysid.estimation.online.sliding_mode import LOAD
 from motor_sysid.estimation.online.ukf import Unscented
 from motor_sysid.physics.model import Model, SpeedSensor
 
@@ -230,15 +232,43 @@ def observer(record, percent, until):
 @pytest.mark.parametrize(('until', 'load'), [(980, 0.0), (1100, 0.03), (1700, 0.03)])
 def test_the_load_is_found_within_a_tenth_of_a_second(loaded, until, load):
     found = observer(loaded, 2.0, until)
-    estimate = found['constant_load_torque.tau_l']
+    estimate = found[LOAD]
     assert estimate.value == pytest.approx(load, abs=4e-3)
     assert abs(estimate.value - load) < 3 * estimate.sigma
     assert estimate.identifiable
-    others = [e for name, e in found.items() if name != 'constant_load_torque.tau_l']
+    others = [e for name, e in found.items() if name != LOAD]
     assert not any(e.identifiable for e in others)
+
+
+def of_three_phases(key, machine, record, start):
+    """Return the estimates of a salient three-phase motor."""
+    names = 'R', 'L_d', 'L_q', 'psi_f', 'J', 'b'
+    true = (machine.R, machine.L_d, machine.L_q, machine.k_e / machine.pole_pairs, machine.J)
+    values = dict(zip(names, (*true, machine.b), strict=True))
+    begin = {name: values[name] * factor for name, factor in zip(names, start, strict=True)}
+    model = Model.base(
+        'pmsm', {**begin, 'pole_pairs': machine.pole_pairs}, speed_sensor=SpeedSensor.DIFFERENCE
+    ).with_effect('constant_load_torque')
+    if key == 'sliding_mode':
+        model = model.with_estimates(values, {name: 0.02 * v for name, v in values.items()})
+    inputs, outputs = ['voltage_d', 'voltage_q'], ['current_d', 'current_q', 'speed', 'position']
+    online = OnlineIdentifier(model, key, record.dt, inputs, outputs)
+    columns = [np.column_stack([record[name] for name in part]) for part in (inputs, outputs)]
+    online.update(record.time, *columns)
+    return values, online.estimate()
+
+
+def test_a_three_phase_motor_goes_through_the_same_balances_and_steps():
+    machine, record = pmsm_record(1.5, top=150.0)
+    start = (1.4, 0.7, 1.3, 0.75, 1.4, 1.5)
+    values, found = of_three_phases('mhe', machine, record, start)
+    for name, limit in (('R', 0.02), ('L_d', 0.05), ('L_q', 0.05), ('psi_f', 0.02), ('J', 0.03)):
+        assert found[name].value == pytest.approx(values[name], rel=limit)
+    load = of_three_phases('sliding_mode', machine, record, [1.0] * 6)[1][LOAD]
+    assert abs(load.value) < 3 * load.sigma
+    assert load.sigma < 0.03 * 1.5 * machine.k_e * np.ptp(record['current_q'])
 
 
 def test_a_load_is_known_no_better_than_the_motor(loaded):
     good, poor = (observer(loaded, percent, 1400) for percent in (2.0, 40.0))
-    name = 'constant_load_torque.tau_l'
-    assert poor[name].sigma > 3 * good[name].sigma
+    assert poor[LOAD].sigma > 3 * good[LOAD].sigma

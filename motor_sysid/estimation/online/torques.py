@@ -10,7 +10,6 @@ from motor_sysid.estimation.online.equation import fill_row, signal_places
 from motor_sysid.estimation.online.laws import LawColumns
 from motor_sysid.estimation.online.regressors import signal_names
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.motors.base import Balance
 
 Array = NDArray[np.float64]
 
@@ -38,10 +37,9 @@ class Torques:
     def __init__(self, model: Model, load: str) -> None:
         balance = next(b for b in model.kind.balances if b.force == 'torque')
         signals = signal_names(model.kind)
-        self._model, self._balance = model, balance
         self._laws = LawColumns(model, ['torque'], signals)
-        terms = (balance.drive, *balance.terms)
-        factors = [math.prod(model[name] for name in term.factors) for term in terms]
+        terms = (balance.drive, *balance.terms, *balance.given)
+        factors = [math.prod((t.sign, *(model[name] for name in t.factors))) for t in terms]
         self._terms = signal_places(terms, signals, {}), np.array(factors)
         values = [model[t.parameter] if t.parameter else 1.0 for t in terms]
         turns = np.array([t.derivative for t in terms])
@@ -55,6 +53,12 @@ class Torques:
         self._turns = np.concatenate((turns, np.zeros(len(names), dtype=bool)))
         used = {signal for term in terms for signal in term.signals}
         self.needs, self.size = used | self._laws.needs, self._weights.size + 1
+        shown = {o.state: o.bias for o in model.kind.outputs if o.bias}
+        self._biased = [
+            (k, shown[t.signals[0]])
+            for k, t in enumerate(terms)
+            if not t.derivative and len(t.signals) == 1 and t.signals[0] in shown
+        ]
         self._rows = np.zeros((2, self._weights.size))
 
     def begin(self, tracked: Array) -> None:
@@ -87,13 +91,11 @@ class Torques:
     def spread(self, sigma: Mapping[str, float]) -> Array:
         """Return (size,) standard deviations of the parameters, last that of sensor offsets."""
         known = [sigma.get(name, 0.0) for name in self._names]
-        return np.array([*known, self._offsets(self._balance, sigma)])
+        return np.array([*known, self._offsets(sigma)])
 
-    def _offsets(self, balance: Balance, sigma: Mapping[str, float]) -> float:
+    def _offsets(self, sigma: Mapping[str, float]) -> float:
         """Return the torque that a standard deviation of the sensor offsets makes."""
-        total, shown = 0.0, {o.state: o.bias for o in self._model.kind.outputs if o.bias}
-        for k, term in enumerate((balance.drive, *balance.terms)):
-            if not term.derivative and len(term.signals) == 1:
-                bias = sigma.get(shown.get(term.signals[0], ''), 0.0)
-                total += (self._weights[k] * self._terms[1][k] * bias) ** 2
+        total = 0.0
+        for k, bias in self._biased:
+            total += (self._weights[k] * self._terms[1][k] * sigma.get(bias, 0.0)) ** 2
         return math.sqrt(total)
