@@ -21,7 +21,7 @@ SALIENT = {
 }  # fmt: skip
 BLOCK = {
     'R': 0.8, 'L': 1.1e-3, 'k_e': 0.025, 'J': 3e-5, 'b': 2e-5, 'pole_pairs': 4.0, 'flat': 2.0,
-    'angle_offset': 0.5,
+    'angle_offset': 0.5, 'corner': 0.2,
 }  # fmt: skip
 
 
@@ -91,8 +91,9 @@ def test_bldc_agrees_with_an_adaptive_integrator():
     m = BLOCK
 
     def wave(s):
-        y = np.arcsin(np.sin(s)) / (0.5 * (np.pi - m['flat']))
-        return 0.5 * (np.sqrt((y + 1) ** 2 + 1e-2) - np.sqrt((y - 1) ** 2 + 1e-2))
+        y, c = np.arcsin(np.sin(s)) / (0.5 * (np.pi - m['flat'])), m['corner']
+        bend = np.clip((np.abs(y) - 1 + c) / (2 * c), 0, 1)
+        return np.sign(y) * (np.where(np.abs(y) > 1 + c, 1 + c, np.abs(y)) - c * bend**2)
 
     def rates(t, x, u):
         s = m['pole_pairs'] * x[3] + m['angle_offset']
@@ -139,12 +140,14 @@ def test_bldc_parameters_are_found_in_the_loop():
     for name, value in {'R': truth.R, 'L': truth.L_d, 'k_e': truth.k_e, 'J': truth.J}.items():
         assert model[name] == pytest.approx(value, rel=0.01), name
     assert model['flat'] == pytest.approx(2 * np.pi / 3, rel=0.01)
+    assert model['corner'] == pytest.approx(truth.corner, rel=0.2)
     assert model['angle_offset'] == pytest.approx(0.0, abs=0.01)
 
 
 def test_bldc_holds_while_a_phase_floats():
     _, record = bldc_record(0.4, sensors=IDEAL)
-    values = {'R': BLDC.R, 'L': BLDC.L_d, 'k_e': BLDC.k_e, 'J': BLDC.J, 'b': BLDC.b}
+    values = {'R': BLDC.R, 'L': BLDC.L_d, 'k_e': BLDC.k_e, 'J': BLDC.J, 'b': BLDC.b,
+              'corner': BLDC.corner}  # fmt: skip
     run = simulate(Model.base('bldc', {**values, 'pole_pairs': BLDC.pole_pairs}), record)
     for name in ('current_a', 'current_b', 'speed'):
         error = np.std(run.outputs[name] - record[name]) / np.std(record[name])

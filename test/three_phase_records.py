@@ -9,8 +9,9 @@ from motor_sysid.benchmark.three_phase_drive import (
     run_drive,
     ThreePhaseDrive,
 )
-from motor_sysid.control.foc import CurrentLoop, speed_gains
+from motor_sysid.control.foc import CurrentLoop
 from motor_sysid.control.six_step import SixStepLoop
+from motor_sysid.control.tuning import current_pi
 from motor_sysid.signals.record import Record
 
 PMSM = PMSM_SHEETS[1].machine._replace(L_q=1.5 * PMSM_SHEETS[1].machine.L_d)
@@ -37,7 +38,7 @@ def pmsm_record(
     """Return a salient motor under field-oriented control, with pulses of d current."""
     m, rng = PMSM._replace(**hidden), np.random.default_rng(seed)
     loop = CurrentLoop(m.R, m.L_d, m.L_q, m.k_e / m.pole_pairs, 1500.0)
-    speed = speed_gains(m.J, 1.5 * m.k_e, 60.0, 5.0)
+    speed = current_pi(m.J, 1.5 * m.k_e, 60.0, 5.0)
     reference = speeds(seconds, dt, rng, top)
     time = dt * np.arange(reference.size)
     place = np.searchsorted(np.cumsum(rng.uniform(0.02, 0.1, 399)), time)
@@ -54,7 +55,7 @@ def bldc_record(
     """Return a motor under six-step commutation with its floating phase."""
     m, rng = BLDC._replace(**hidden), np.random.default_rng(seed)
     loop = SixStepLoop(m.R, m.L_d, m.k_e, 1500.0, 3.5)
-    speed = speed_gains(m.J, 2 * m.k_e, 60.0, 3.5)
+    speed = current_pi(m.J, 2 * m.k_e, 60.0, 3.5)
     drive = ThreePhaseDrive(Bridge(24.0, dead), loop, speed, min(dt, 1e-4), sensors)
     run = run_drive(m, drive, speeds(seconds, dt, rng, top), dt, rng)
     return m, phase_record(run, m.pole_pairs)

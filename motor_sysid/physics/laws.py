@@ -24,9 +24,6 @@ HALF_PI = 1.5707963267948966
 THIRD = 2.0943951023931953
 """A third of a turn: what lies between two phases, rad."""
 
-CORNER = 1e-2
-"""Square of the width of the corners of a trapezoid, in units of half its flank."""
-
 
 @law_function
 def sqrt(x: float) -> float:
@@ -44,13 +41,16 @@ def triangle(x: float) -> float:
 
 
 @law_function
-def trapezoid(x: float, flat: float) -> float:
+def trapezoid(x: float, flat: float, corner: float) -> float:
     """Trapezoidal wave of `x` (rad) between -1 and 1, zero and rising at 0.
 
-    Each top is `flat` rad wide between the corners, which are rounded over a tenth of a flank.
+    Each top is `flat` rad wide between its corners; each of them is a parabola that begins
+    `corner` before and ends `corner` behind it, in units of what leads from zero to the top.
     """
     y = triangle(x) / (0.5 * (PI - flat))
-    return 0.5 * (sqrt((y + 1.0) ** 2 + CORNER) - sqrt((y - 1.0) ** 2 + CORNER))
+    size = np.minimum(np.abs(y), 1.0 + corner)
+    bent = np.maximum(size - 1.0 + corner, 0.0)
+    return np.sign(y) * (size - bent * bent / (4.0 * corner))  # type: ignore[no-any-return]
 
 
 @law_function

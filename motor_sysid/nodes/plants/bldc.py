@@ -37,7 +37,8 @@ class BldcPlant(Plant):
         loop = SixStepLoop.of(base, 0.9 * FASTEST / self._period, setup.current_limit)
         self._drive = SixStep(loop, setup.supply, self._period)
         self._pairs, self._offset = base['pole_pairs'], base['angle_offset']
-        self._wave = base['k_e'], self._pairs, self._offset, base['flat']
+        shape = base['flat'], base['corner']
+        self._wave = base['k_e'], self._pairs, self._offset, *shape
         self._inertial = base['L'] / self._period + 0.5 * base['R']
         return Stepper(setup.model, self._period, max(setup.substeps // setup.periods, 1))
 

@@ -32,10 +32,11 @@ def torque_dq(
 
 def torque_abc(
     i_a: float, i_b: float, theta: float, omega: float, omega_eps: float, k_e: float,
-    pole_pairs: float, angle_offset: float, flat: float, mu: float,
+    pole_pairs: float, angle_offset: float, flat: float, corner: float, mu: float,
 ) -> float:  # fmt: skip
     """Torque in N m."""
     s = pole_pairs * theta + angle_offset
-    c = trapezoid(s + THIRD, flat)
-    driven = (trapezoid(s, flat) - c) * i_a + (trapezoid(s - THIRD, flat) - c) * i_b
-    return -mu * k_e * abs(driven) * smooth_sign(omega, omega_eps)
+    a, b = trapezoid(s, flat, corner), trapezoid(s - THIRD, flat, corner)
+    c = trapezoid(s + THIRD, flat, corner)
+    driven = k_e * ((a - c) * i_a + (b - c) * i_b)
+    return -mu * abs(driven) * smooth_sign(omega, omega_eps)

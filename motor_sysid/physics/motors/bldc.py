@@ -106,6 +106,7 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
     values = {
         'pole_pairs': pairs,
         'flat': flat,
+        'corner': given.get('corner', 0.1),
         'k_e': max(np.hypot(cosine, sine) * flank * PI / (4 * np.sin(flank)), 1e-6),
         'angle_offset': float(np.arctan2(cosine, sine)),
     }
@@ -197,7 +198,7 @@ def position_of(record: Record) -> Array:
 
 def drive_torque(values: Mapping[str, float], record: Record) -> Array:
     """Return -k_e (f_a i_a + f_b i_b + f_c i_c), (N,) in N m."""
-    wave = [values[name] for name in ('k_e', 'pole_pairs', 'angle_offset', 'flat')]
+    wave = [values[name] for name in ('k_e', 'pole_pairs', 'angle_offset', 'flat', 'corner')]
     i_a, i_b = record['current_a'], record['current_b']
     torque: Array = bldc_laws.torque(i_a, i_b, position_of(record), *wave)  # type: ignore[arg-type, assignment]
     return torque
@@ -230,6 +231,7 @@ MOTOR = Motor(
         Parameter('current_offset_b', 'A', 0.0, -100.0, 100.0, 'offset of the sensor in phase b'),
         Parameter('angle_offset', 'rad', 0.0, -7.0, 7.0, 'electrical angle at position zero'),
         Parameter('flat', 'rad', 2.0944, 0.1, 3.0, 'electrical width of the flat top'),
+        Parameter('corner', '1', 0.1, 0.01, 1.0, 'rounding of its corners over half a flank'),
         Parameter('pole_pairs', '1', 4.0, 1.0, 64.0, 'electrical turns in one turn', free=False),
         Parameter('omega_eps', 'rad/s', 0.1, 1e-9, 1e3, 'width of the sign of speed', free=False),
         Parameter('i_eps', 'A', 0.01, 1e-9, 1e3, 'width of the sign of current', free=False),

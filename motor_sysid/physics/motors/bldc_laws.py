@@ -19,34 +19,42 @@ CARD = Card(
 
 
 @law_function
+def above_star(s: float, flat: float, corner: float) -> float:
+    """Return the wave of a phase at its electrical angle less the mean of all three."""
+    b, c = trapezoid(s - THIRD, flat, corner), trapezoid(s + THIRD, flat, corner)
+    return (2.0 * trapezoid(s, flat, corner) - b - c) / 3.0
+
+
+@law_function
+def pulled(i_a: float, i_b: float, s: float, flat: float, corner: float) -> float:
+    """Return the sum of currents times waves, in A, at the electrical angle s in rad."""
+    a, b = trapezoid(s, flat, corner), trapezoid(s - THIRD, flat, corner)
+    c = trapezoid(s + THIRD, flat, corner)
+    return (a - c) * i_a + (b - c) * i_b
+
+
 def voltage_a(
-    omega: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float, flat: float
-) -> float:
+    omega: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float, flat: float,
+    corner: float,
+) -> float:  # fmt: skip
     """Voltage in V."""
-    s = pole_pairs * theta + angle_offset
-    b, c = trapezoid(s - THIRD, flat), trapezoid(s + THIRD, flat)
-    return k_e * omega * (2.0 * trapezoid(s, flat) - b - c) / 3.0
+    return k_e * omega * above_star(pole_pairs * theta + angle_offset, flat, corner)
 
 
-@law_function
 def voltage_b(
-    omega: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float, flat: float
-) -> float:
+    omega: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float, flat: float,
+    corner: float,
+) -> float:  # fmt: skip
     """Voltage in V."""
-    s = pole_pairs * theta + angle_offset
-    a, c = trapezoid(s, flat), trapezoid(s + THIRD, flat)
-    return k_e * omega * (2.0 * trapezoid(s - THIRD, flat) - a - c) / 3.0
+    return k_e * omega * above_star(pole_pairs * theta + angle_offset - THIRD, flat, corner)
 
 
-@law_function
 def torque(
     i_a: float, i_b: float, theta: float, k_e: float, pole_pairs: float, angle_offset: float,
-    flat: float,
+    flat: float, corner: float,
 ) -> float:  # fmt: skip
     """Torque in N m."""
-    s = pole_pairs * theta + angle_offset
-    a, b, c = trapezoid(s, flat), trapezoid(s - THIRD, flat), trapezoid(s + THIRD, flat)
-    return -k_e * ((a - c) * i_a + (b - c) * i_b)
+    return -k_e * pulled(i_a, i_b, pole_pairs * theta + angle_offset, flat, corner)
 
 
 def drive_a(u_a: float, u_b: float, u_c: float) -> float:
@@ -60,21 +68,24 @@ def drive_b(u_a: float, u_b: float, u_c: float) -> float:
 
 
 def emf_a(
-    omega: float, theta: float, pole_pairs: float, angle_offset: float, flat: float
-) -> float:
+    omega: float, theta: float, pole_pairs: float, angle_offset: float, flat: float,
+    corner: float,
+) -> float:  # fmt: skip
     """Return what k_e is multiplied by in the balance of phase a, in rad/s."""
-    return -voltage_a(omega, theta, 1.0, pole_pairs, angle_offset, flat)
+    return -omega * above_star(pole_pairs * theta + angle_offset, flat, corner)
 
 
 def emf_b(
-    omega: float, theta: float, pole_pairs: float, angle_offset: float, flat: float
-) -> float:
+    omega: float, theta: float, pole_pairs: float, angle_offset: float, flat: float,
+    corner: float,
+) -> float:  # fmt: skip
     """Return what k_e is multiplied by in the balance of phase b, in rad/s."""
-    return -voltage_b(omega, theta, 1.0, pole_pairs, angle_offset, flat)
+    return -omega * above_star(pole_pairs * theta + angle_offset - THIRD, flat, corner)
 
 
 def lift(
-    i_a: float, i_b: float, theta: float, pole_pairs: float, angle_offset: float, flat: float
-) -> float:
+    i_a: float, i_b: float, theta: float, pole_pairs: float, angle_offset: float, flat: float,
+    corner: float,
+) -> float:  # fmt: skip
     """Return what k_e is multiplied by in the torque balance, in A."""
-    return torque(i_a, i_b, theta, 1.0, pole_pairs, angle_offset, flat)
+    return -pulled(i_a, i_b, pole_pairs * theta + angle_offset, flat, corner)
