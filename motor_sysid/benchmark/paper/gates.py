@@ -148,9 +148,9 @@ def _time(runs: Sequence[Run]) -> list[Gate]:
     for title, limit, seconds in (('recommended fit', 0.5, best), ('30 x 50 search', 1.0, swarm)):
         if seconds:
             p99 = float(np.quantile(seconds, 0.99))
-            found.append(Gate(f'Time on one core, {title}', f'at most {limit:g} s',
+            found.append(Gate(f'Processor time, {title}', f'at most {limit:g} s',
                               f'median {np.median(seconds):.3f} s, 99 % within {p99:.3f} s',
-                              p99 <= limit, 'the machine may have had other work'))  # fmt: skip
+                              p99 <= limit))  # fmt: skip
     return found
 
 

@@ -75,7 +75,7 @@ class Answer:
     candidate:
         (5,).
     simulations, seconds:
-        Effort.
+        Effort; the seconds are those of the processor.
     sigma:
         (4,) standard deviations of what is seen; empty if the method has none.
     on_bound:
@@ -114,7 +114,7 @@ def searched(optimizer: type[Optimizer], box: Box, *, polished: bool) -> Callabl
     """Return a method that searches a box, and polishes what it finds if asked to."""
 
     def solve(study: Study, rng: np.random.Generator) -> Answer:
-        begun = time.perf_counter()
+        begun = time.process_time()
         lower, upper = box.bounds()
         swarm = optimizer(lower.size, POPULATION, ITERATIONS, rng)
         return _search(study, box, (lower, upper), swarm, polished, begun)
@@ -134,31 +134,31 @@ def _search(
     )  # fmt: skip
     best = box.candidates(found.x[np.newaxis, :])[0]
     if not polished:
-        seconds = time.perf_counter() - begun
+        seconds = time.process_time() - begun
         return Answer(best, found.evaluations, seconds, np.zeros(0), bool(found.on_bound))
     fit = polish(study, best)
     simulations = found.evaluations + fit.simulations
-    return Answer(fit.candidate, simulations, time.perf_counter() - begun, fit.sigma)
+    return Answer(fit.candidate, simulations, time.process_time() - begun, fit.sigma)
 
 
 def from_one_start(study: Study, rng: np.random.Generator) -> Answer:
     """Least squares from one random point of the narrow box: what a toolbox does by default."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     start = rng.uniform(np.maximum(NARROW.lower, 0.05), NARROW.upper)
     fit = polish(study, start)
-    return Answer(fit.candidate, fit.simulations, time.perf_counter() - begun, fit.sigma)
+    return Answer(fit.candidate, fit.simulations, time.process_time() - begun, fit.sigma)
 
 
 def best_fit(study: Study, rng: np.random.Generator) -> Answer:
     """Do the recommended fit; it draws no random number."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     fit = recommended(study)
-    return Answer(fit.candidate, fit.simulations, time.perf_counter() - begun, fit.sigma)
+    return Answer(fit.candidate, fit.simulations, time.process_time() - begun, fit.sigma)
 
 
 def characteristic(study: Study, rng: np.random.Generator) -> Answer:
     """Grey wolves around what the characteristic points of a step response say."""
-    begun = time.perf_counter()
+    begun = time.process_time()
     middle = characteristic_points(study)
     lower, upper = middle / 2.0, middle * 2.0
     swarm = OPTIMIZERS['gwo'](5, POPULATION, ITERATIONS, rng)

@@ -46,7 +46,7 @@ class MotorRun:
     covered:
         (6,) whether the stated 95 % intervals hold the truth.
     seconds, simulations:
-        Effort.
+        Effort; the seconds are those of the processor.
     """
 
     decibel: int
@@ -120,9 +120,9 @@ def fitted(decibel: int, seed: int) -> MotorRun:
     factors = 3.0 ** np.random.default_rng([seed, 5]).uniform(-1, 1, 5)
     begin = {n: TRUE[n] * f for n, f in zip(list(TRUE)[:5], factors, strict=True)}
     model = Model.base('brushed_dc', begin).with_effect('input_delay', {'delay': 0.5})
-    begun = time.perf_counter()
+    begun = time.process_time()
     result = refit(model, data, 'pso_gwo', seed=seed)
-    seconds = time.perf_counter() - begun
+    seconds = time.process_time() - begun
     names = [*list(TRUE)[:5], _DELAY]
     true, told = np.array(list(TRUE.values())), result.information
     found = np.array([result.model[n] for n in names])

@@ -59,7 +59,7 @@ class Run:
     unseen_itae, unseen_fit:
         On the validation record, and the fit there in percent.
     simulations, seconds:
-        Effort.
+        Effort; the seconds are those of the processor.
     on_bound:
         Whether the search ended on a wall.
     """

@@ -3,7 +3,8 @@
 One pack with the memories of both.  Before every move one of the two rules is drawn, with a
 probability in proportion to what it earned: one for a better best, and the share of members that
 beat their own best, faded by a fifth at each use.  So the pack explores with the rule that pays
-now, and the other one is tried from time to time.
+now, and the other one is tried from time to time.  Particles keep their velocity through moves of
+the wolves.
 """
 
 import numpy as np
@@ -15,7 +16,7 @@ from motor_sysid.estimation.batch.optimizers.pso import C, CHI, flown, remember
 
 Array = NDArray[np.float64]
 
-_FADE, _LEAST = 0.8, 0.15
+_FADE, _LEAST = 0.8, 0.05
 
 
 class Switching(Optimizer):
@@ -52,5 +53,4 @@ class Switching(Optimizer):
 
     def _wolves(self) -> Array:
         reach = 2.0 * (1 - self.progress)
-        goals = np.clip(encircled(self._points, self._leaders.points, reach, self._rng), -1, 1)
-        return flown(self._points, goals - self._points, self._velocity)
+        return encircled(self._points, self._leaders.points, reach, self._rng)
