@@ -2,6 +2,7 @@
 
 from motor_sysid.estimation.batch.optimizers.base import Optimizer
 from motor_sysid.estimation.batch.optimizers.catalogue import OPTIMIZERS
+from motor_sysid.estimation.batch.optimizers.nsga2 import Front, pareto
 from motor_sysid.estimation.batch.optimizers.search import Found, run, search, Stop
 
-__all__ = ['OPTIMIZERS', 'Found', 'Optimizer', 'Stop', 'run', 'search']
+__all__ = ['OPTIMIZERS', 'Found', 'Front', 'Optimizer', 'Stop', 'pareto', 'run', 'search']

@@ -29,7 +29,8 @@ def crossed(parents: Array, rate: float, rng: np.random.Generator) -> Array:
     beta = np.where(u <= 0.5, (2 * u) ** power, (2 * (1 - u)) ** -power)
     swap = rng.random(a.shape) < 0.5
     mate = rng.random((half, 1)) < rate
-    spread = np.where(mate & swap, beta, 1.0) * 0.5 * (a - b)
+    other = np.where(rng.random(a.shape) < 0.5, -1.0, 1.0)  # which child is near which parent
+    spread = np.where(mate & swap, other * beta, 1.0) * 0.5 * (a - b)
     middle = 0.5 * (a + b)
     children[0 : 2 * half : 2], children[1 : 2 * half : 2] = middle + spread, middle - spread
     return children
