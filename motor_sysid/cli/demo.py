@@ -39,7 +39,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'cogging_torque)',
     )  # fmt: skip
     parser.add_argument('--seconds', type=float, default=20.0, help='duration (default 20)')
-    parser.add_argument('--rate', type=float, help='samples per second (500; bldc: 1000)')
+    parser.add_argument('--rate', type=float, help='samples per second (500; pmsm, bldc: 1000)')
     parser.add_argument(
         '--estimator', default='rls', help='how the identifier estimates (default: %(default)s)'
     )
@@ -79,8 +79,7 @@ def _chosen(args: argparse.Namespace) -> DemoMotor:
         raise UserError(f'--seconds {args.seconds:g} is outside 5 to 3600 s')
     if not 50 <= rate <= 1000:
         raise UserError(f'--rate {rate:g} is outside 50 to 1000 Hz')
-    periods = max(round(motor.control_rate / rate), 1)
-    return replace(motor, rate=rate, hidden=hidden, control_rate=periods * rate)
+    return replace(motor, rate=rate, hidden=hidden)
 
 
 def record(args: argparse.Namespace, motor: DemoMotor, out: Path) -> None:
@@ -137,7 +136,7 @@ def _start_motor(
         for name, value in motor.datasheet.items()
     }
     processes.start('motor', {
-        **truth, 'motor_kind': motor.kind, 'rate': motor.rate, 'control_rate': motor.control_rate,
+        **truth, 'motor_kind': motor.kind, 'rate': motor.rate,
         'supply_voltage': motor.supply, 'current_limit': motor.current_limit,
         'hidden_effects': list(motor.hidden), 'seed': args.seed,
     })  # fmt: skip

@@ -30,8 +30,8 @@ class DemoMotor:
         Effects that it has besides, unless others are asked for.
     top_speed:
         Of the profile, rad/s.
-    rate, control_rate:
-        Samples per second, and periods of the drive's inner loop per second.
+    rate:
+        Samples per second, and control periods of its drive.
     """
 
     kind: str
@@ -40,7 +40,6 @@ class DemoMotor:
     hidden: tuple[str, ...] = ('coulomb_friction', 'cogging_torque')
     top_speed: float = 200.0
     rate: float = 500.0
-    control_rate: float = 2000.0
     supply: float = 24.0
     current_limit: float = 5.0
 
@@ -70,7 +69,7 @@ MOTORS = {
             'pmsm',
             {'R': 2.0, 'L_d': 4e-3, 'L_q': 5e-3, 'psi_f': 8.3e-3, 'J': 5e-5, 'b': 2e-5,
              'pole_pairs': 4},
-            exact=('pole_pairs',), top_speed=150.0,
+            exact=('pole_pairs',), top_speed=150.0, rate=1000.0,
         ),
         DemoMotor(
             'bldc',

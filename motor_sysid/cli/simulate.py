@@ -23,7 +23,6 @@ HELP = 'simulate a motor with effects and realistic sensors; write a CSV or a ba
 _REACH = 0.6
 _SLOWEST_LOOP = 0.05
 _CROSSOVER = 40.0
-_CONTROL_RATE = 4000.0
 _LARGEST_CURRENT = 0.4
 _LARGEST_TURN = 0.2
 _FILES = ('.yaml', '.yml', '.csv')
@@ -190,9 +189,8 @@ def _driven(model: 'Model', args: argparse.Namespace, wanted: 'NDArray[np.float6
 
     own = {n: v for n, v in model.parameters.values().items() if '.' not in n}
     limit = _LARGEST_CURRENT * args.supply / model['R']
-    periods = max(math.ceil(_CONTROL_RATE / args.rate), 1)
     setup = Setup(
-        Model.base(model.motor, own), model, _sensor_settings(model, args), args.rate, periods,
+        Model.base(model.motor, own), model, _sensor_settings(model, args), args.rate,
         supply=args.supply, current_limit=limit,
     )  # fmt: skip
     gains = current_pi(model['J'], torque_constant(model), _CROSSOVER, limit)

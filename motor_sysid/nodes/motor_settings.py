@@ -27,8 +27,8 @@ class MotorSettings:
     )  # fmt: skip
     rate: float = parameter(500.0, 'Samples per second; every one is published.', 'Hz', 10, 2000)
     control_rate: float = parameter(
-        2000.0, 'Periods per second of the inner loop of pmsm and bldc, a multiple of the rate.',
-        'Hz', 100, 20_000,
+        0.0, 'Periods per second of the inner loop of pmsm and bldc, a multiple of the rate; 0 '
+        'for one in a sample.', 'Hz', 0, 20_000,
     )  # fmt: skip
     R: float = parameter(2.0, 'Resistance of armature or phase.', 'ohm', 1e-3, 1e3)
     L: float = parameter(5e-3, 'Inductance of armature (brushed_dc) or phase (bldc).', 'H', 1e-6,
@@ -119,7 +119,7 @@ class MotorSettings:
     def __post_init__(self) -> None:
         """Refuse hidden effects that cannot be added, and rates that do not go together."""
         ratio = self.control_rate / self.rate
-        if self.motor_kind != 'brushed_dc' and abs(ratio - self.periods) > 1e-6 * ratio:
+        if abs(ratio - round(ratio)) > 1e-6:
             raise UserError(
                 f'`control_rate` = {self.control_rate:g} Hz is not a multiple of `rate` = '
                 f'{self.rate:g} Hz; take {self.periods * self.rate:g} Hz'
