@@ -24,6 +24,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--effect', nargs='+', default=[], metavar='EFFECT', help='effects to fit as well'
     )
+    parser.add_argument(
+        '--method', default='least_squares', metavar='NAME',
+        help='how to fit: svf, iv, huber, prediction_error, pso, ... (docs/estimation.md; '
+        'default: %(default)s of the output error)',
+    )  # fmt: skip
     parser.add_argument('-o', '--out', type=Path, metavar='MODEL', help='write the model (YAML)')
     add_effect_file_argument(parser)
 
@@ -45,6 +50,7 @@ def run(args: argparse.Namespace) -> int:
         motor=args.motor or (sheet.motor if sheet else None),
         nominal=sheet.nominal if sheet else {},
         effects=args.effect,
+        method=args.method,
         validation_fraction=args.hold_back,
     )
     print('\n'.join(rung_lines(rung.model, rung.result.reason)))

@@ -6,7 +6,7 @@ from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
 from motor_sysid.diagnosis.drawn import Where
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, Level, Trial, try_effect
-from motor_sysid.diagnosis.rung import climb, Rung
+from motor_sysid.diagnosis.rung import climb, judge, Rung
 from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import (
     base_fit,
@@ -18,7 +18,7 @@ from motor_sysid.diagnosis.setup import (
 )
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import make_chain, observed_outputs
+from motor_sysid.estimation.batch import make_chain, observed_outputs, refit
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -32,11 +32,13 @@ def fit_model(
     motor: str | None = None,
     nominal: Mapping[str, float] | None = None,
     effects: Sequence[str] = (),
+    method: str = 'least_squares',
     validation_fraction: float = 0.2,
 ) -> Rung:
     """Fit a model, or the linear model of a motor kind with the named effects.
 
-    Each effect is started from what its score proposes, so that a fit does not stay at zero.
+    Each effect is started from what its score proposes, so that a fit does not stay at zero.  Any
+    other `method` (key of `motor_sysid.estimation.batch.METHODS`) begins where least squares end.
 
     Returns
     -------
@@ -47,7 +49,10 @@ def fit_model(
     for key in effects:
         if key not in rung.model.effects:
             rung = _tried(rung, key, bench).rung
-    return rung
+    if method == 'least_squares':
+        return rung
+    stretches = [s for chain in bench.train_free for s in chain if s.scored]
+    return judge(refit(rung.model, [s.record for s in stretches], method), bench)
 
 
 def compare_model(

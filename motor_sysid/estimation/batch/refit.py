@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.chains import make_chain, observed_outputs
 from motor_sysid.estimation.batch.least_squares import fit, result_at, Solution
+from motor_sysid.estimation.batch.methods import DIRECT
 from motor_sysid.estimation.batch.optimizers import Found, OPTIMIZERS, search
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
@@ -25,7 +26,7 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-METHODS = (*OPTIMIZERS, 'least_squares')
+METHODS = (*OPTIMIZERS, *DIRECT)
 """What `refit` can do."""
 
 _FACTOR = 8.0
@@ -58,7 +59,7 @@ def refit(
     records:
         Data; they are cut where samples are missing.
     method:
-        Key of `OPTIMIZERS` (docs/optimizers.md), or ``least_squares``.
+        Key of `OPTIMIZERS` (docs/optimizers.md) or of `DIRECT` (docs/estimation.md).
     population, iterations, seed:
         Of the optimizer; the product of the first two is the largest number of its simulations.
     polish:
@@ -80,8 +81,8 @@ def refit(
     problem = Problem(model, chains, outputs, threads=threads)
     if not problem.free:
         raise UserError('the model has no free parameter; free one with `Model.with_free`')
-    if method == 'least_squares':
-        return fit(problem)
+    if method in DIRECT:
+        return DIRECT[method](problem)
     weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     rng = np.random.default_rng(seed)
     found = _searched(problem, weighting, pieces, method, population, iterations, rng)

@@ -156,11 +156,11 @@ class Equation:
         self._count += 1
         if self._waiting > 0 or self._count % self._every:
             return
-        regression = self._ready(drive, prior)
+        regression = self.learner(drive, prior)
         y = _sort(f.value, f.slope, self._roles, self._weights, drive, self._x)
         regression.update(self._x, y)
 
-    def _ready(self, drive: float, prior: Mapping[str, float]) -> Learner:
+    def learner(self, drive: float, prior: Mapping[str, float]) -> Learner:
         """Return the regression, made at the first sample and widened as priors grow."""
         if self._regression is not None and prior is self._prior:
             return self._regression

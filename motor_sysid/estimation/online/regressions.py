@@ -57,7 +57,7 @@ class Regressions:
     ) -> None:
         self.model, self._dt = model, dt
         self._balances = model.kind.balances
-        width = tuning.bandwidth or _bandwidth(model, dt)
+        width = tuning.bandwidth or filter_bandwidth(model, dt)
         chosen = zip(self._balances, offsets(model, self._balances), strict=True)
         self._equations = [
             Equation(model, balance, offset, dt, width, tuning.memory, learner)
@@ -143,7 +143,7 @@ class Regressions:
         found: Found = {}
         for equation, balance in zip(self._equations, self._balances, strict=True):
             for name, one in equation.found(self._drive(balance.drive.parameter, found)).items():
-                found[name] = _together(found[name], one) if name in found else one
+                found[name] = together(found[name], one) if name in found else one
         return found
 
     def settled(self, found: Found | None = None) -> dict[str, tuple[float, float]]:
@@ -183,7 +183,7 @@ class Regressions:
         return whole
 
 
-def _together(
+def together(
     one: tuple[float, float, float], other: tuple[float, float, float]
 ) -> tuple[float, float, float]:
     """Return value, sigma and prior of a parameter that two equations tell."""
@@ -206,7 +206,7 @@ def _prior(model: Model, sizes: Sizes, dt: float) -> dict[str, float]:
     return dict(zip(free.names, sigma.tolist(), strict=True))
 
 
-def _bandwidth(model: Model, dt: float) -> float:
+def filter_bandwidth(model: Model, dt: float) -> float:
     """Return the mean of the fastest and slowest time constant, as far as sampling allows."""
     values = {p.name: np.array([p.value]) for p in model.parameters}
     rates = np.abs(np.linalg.eigvals(model.kind.like(values)[0][0]))

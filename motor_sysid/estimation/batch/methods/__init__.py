@@ -1,0 +1,31 @@
+"""Ways to fit a model to records, beside the optimizers.  To add one: write its file, add it."""
+
+from collections.abc import Callable
+from functools import partial
+
+from motor_sysid.estimation.batch.least_squares import fit as fit_output_error
+from motor_sysid.estimation.batch.methods import (
+    gls,
+    iv,
+    ls,
+    prediction_error,
+    robust,
+    svf,
+    tls,
+    two_stage,
+)
+from motor_sysid.estimation.batch.problem import Problem
+from motor_sysid.estimation.batch.result import FitResult
+
+DIRECT: dict[str, Callable[[Problem], FitResult]] = {
+    'least_squares': fit_output_error,
+    'prediction_error': prediction_error.fit,
+    'two_stage': two_stage.fit,
+    **{name: partial(robust.fit, loss=loss) for name, loss in robust.LOSSES.items()},
+    'ls': ls.fit,
+    'svf': svf.fit,
+    'gls': gls.fit,
+    'tls': tls.fit,
+    'iv': iv.fit,
+}
+"""Every way by its key: from a problem to a result."""

@@ -1,0 +1,59 @@
+"""What the reference of a closed loop explains of the input: free of the noise that is fed back.
+
+The input is projected on the reference behind first-order lags of many time constants, a basis for
+the response of any damped loop.  (Van den Hof and Schrama 1993, doi:10.1016/0005-1098(93)90015-L.)
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from motor_sysid.errors import UserError
+from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+REFERENCES = ('speed_reference', 'position_reference')
+
+_LAGS = 8
+_LONGEST = 0.1
+_SMALL = 1e-10
+
+
+def has_reference(record: Record) -> bool:
+    """Whether a controller followed a reference that moves."""
+    return any(name in record and np.ptp(record[name]) > 0 for name in REFERENCES)
+
+
+def noise_free_input(record: Record, kind: Motor) -> Record:
+    """Return the record with what its reference explains of each input.
+
+    Raises
+    ------
+    UserError
+        If it has no reference.
+    """
+    names = [n for n in REFERENCES if n in record and np.ptp(record[n]) > 0]
+    if not names:
+        raise UserError(
+            'two-stage identification needs `speed_reference` or `position_reference` in the '
+            'record; without a controller use the method `least_squares`'
+        )
+    basis = _basis(record, names)
+    for name in input_signals(record, kind):
+        weights = np.linalg.lstsq(basis, record[name], rcond=_SMALL)[0]
+        record = record.with_signal(name, basis @ weights, record.units[name])
+    return record
+
+
+def _basis(record: Record, names: list[str]) -> Array:
+    columns = [np.ones(len(record))]
+    for name in names:
+        r = record[name]
+        columns += [r, np.concatenate(([0.0], np.diff(r)))]
+        for lag in np.geomspace(1.0, _LONGEST * len(record), _LAGS):
+            keep = np.exp(-1 / lag)
+            columns.append(np.asarray(lfilter([1 - keep], [1, -keep], r)))
+    return np.column_stack(columns)

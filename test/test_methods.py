@@ -1,0 +1,141 @@
+"""Ways to fit: each finds known motors of an independent simulator; biased ones are biased.
+
+Every test has fixed seeds.  Limits are three to five times the standard deviation over seeds.
+"""
+
+import numpy as np
+import pytest
+
+from motor_sysid.benchmark.excitation import random_steps
+from motor_sysid.benchmark.plant import Plant
+from motor_sysid.benchmark.sensors import measure, Sensors
+from motor_sysid.benchmark.truth import Control, run
+from motor_sysid.cli import main
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import refit
+from motor_sysid.estimation.batch.methods import DIRECT
+from motor_sysid.estimation.batch.methods.reference import noise_free_input
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.store import save_model
+
+DT = 1e-3
+TRUE = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5}
+PLANT = Plant(2.1, 2.4e-3, 0.046, 2.6e-5, 1.3e-5)
+OFFSET = 0.015
+WELL_SEEN = ('R', 'k_t', 'J')
+
+
+def bench(*, closed=False, noise=1.0, push=0.0, seed=3, rows=4000):
+    """Return a record: tachometer and current sensor with white noise, a random torque `push`."""
+    rng = np.random.default_rng(seed)
+    shape = random_steps(DT * np.arange(rows), 0.026, rng)
+    control = Control(60 * shape, 0.3, 3.0, 24.0) if closed else Control(9 * shape)
+    torque, keep = np.zeros(rows), np.exp(-DT / 0.1)
+    drawn = rng.standard_normal(rows)
+    for k in range(1, rows):
+        torque[k] = keep * torque[k - 1] + push * np.sqrt(1 - keep**2) * drawn[k]
+    truth = run(PLANT, control, DT, torque)
+    sensors = Sensors(0, 0.6 * noise, 0.02 * noise, 1e-4, OFFSET)
+    return measure(truth, sensors, DT, rng, control.reference if closed else None)
+
+
+def start(factor=1.5):
+    return Model.base('brushed_dc', {name: factor * value for name, value in TRUE.items()})
+
+
+def off(model, name):
+    return abs(model[name] / TRUE[name] - 1)
+
+
+@pytest.mark.parametrize('closed', [False, True], ids=['open', 'closed'])
+@pytest.mark.parametrize('method', [m for m in DIRECT if m != 'ls'])
+def test_the_known_motor_comes_back_with_an_honest_sigma(method, closed):
+    if method == 'two_stage' and not closed:
+        with pytest.raises(UserError, match='speed_reference'):
+            refit(start(), bench(rows=600), method)
+        return
+    found = refit(start(), bench(closed=closed), method)
+    assert found.success
+    for name in WELL_SEEN:
+        assert off(found.model, name) < 0.01
+        sigma = found.model.parameters[name].sigma
+        assert abs(found.model[name] - TRUE[name]) < 4 * sigma + 2e-4 * TRUE[name]
+        assert sigma < 0.02 * TRUE[name]
+    assert off(found.model, 'L') < 0.05
+    assert found.model['current_offset'] == pytest.approx(OFFSET, abs=2e-3)
+    assert found.noise['current'] == pytest.approx(0.02, rel=0.15)
+
+
+def test_raw_least_squares_are_biased_and_instruments_are_not():
+    """Noise in the regressors draws L and J to zero; filters help, instruments cure."""
+    data = bench(noise=5.0)
+    ls, svf, iv, tls = (refit(start(), data, m).model for m in ('ls', 'svf', 'iv', 'tls'))
+    assert off(ls, 'J') > 0.5
+    assert off(ls, 'L') > 0.5
+    assert ls['J'] < TRUE['J']
+    assert off(svf, 'J') < 0.05
+    for consistent in (iv, tls):
+        assert off(consistent, 'J') < 0.012
+        assert off(consistent, 'J') < off(ls, 'J') / 20
+
+
+def test_a_loop_that_feeds_back_biases_the_output_error_alone():
+    """A random load torque in a closed loop: a noise model, or the reference alone, helps."""
+    errors = {'least_squares': [], 'two_stage': [], 'prediction_error': []}
+    for seed in (1, 2, 3):
+        data = bench(closed=True, noise=0.5, push=6e-3, seed=seed, rows=6000)
+        for method, found in errors.items():
+            found.append(off(refit(start(), data, method).model, 'J'))
+    assert max(errors['least_squares']) > 0.04
+    assert max(errors['two_stage']) < 0.035
+    assert sum(errors['two_stage']) < 0.7 * sum(errors['least_squares'])
+    assert max(errors['prediction_error']) < 0.01
+
+
+def test_the_reference_takes_the_load_out_of_the_input():
+    """What the load changes in the input mostly goes; what the reference asks for stays."""
+    pushed, calm = (bench(closed=True, noise=0.5, push=p, seed=3, rows=6000) for p in (6e-3, 0.0))
+    cleaned = noise_free_input(pushed, start().kind)['voltage'] - calm['voltage']
+    assert np.std(cleaned) < 0.4 * np.std(pushed['voltage'] - calm['voltage'])
+    kept = noise_free_input(calm, start().kind)['voltage'] - calm['voltage']
+    assert np.std(kept) < 0.03 * np.std(calm['voltage'])
+
+
+@pytest.mark.parametrize('method', ['huber', 'soft_l1', 'cauchy'])
+def test_outliers_hardly_move_a_robust_fit(method):
+    data, rng = bench(), np.random.default_rng(0)
+    hit = rng.random(len(data)) < 0.03
+    current = data['current'] - 2.0 * hit
+    speed = data['speed'] + 60 * hit * rng.standard_exponential(len(data))
+    torn = data.with_signal('current', current, 'A').with_signal('speed', speed, 'rad/s')
+    found, plain = (refit(start(), torn, m).model for m in (method, 'least_squares'))
+    assert plain['current_offset'] < -0.03
+    assert found['current_offset'] == pytest.approx(OFFSET, abs=3e-3)
+    for name in WELL_SEEN:
+        assert off(found, name) < 0.003
+        assert found.parameters[name].sigma < 0.3 * plain.parameters[name].sigma
+
+
+@pytest.mark.parametrize(('method', 'limit'), [('svf', 0.2), ('iv', 0.06)])
+def test_an_effect_is_one_more_column(method, limit):
+    """The sign of a noisy speed is blurred, so that `svf` finds too little dry friction."""
+    rng = np.random.default_rng(4)
+    plant = PLANT._replace(tau_plus=8e-3, tau_minus=8e-3)
+    truth = run(plant, Control(9 * random_steps(DT * np.arange(5000), 0.026, rng)), DT)
+    data = measure(truth, Sensors(0, 0.3, 0.01, 1e-4, OFFSET), DT, rng)
+    found = refit(start().with_effect('coulomb_friction'), data, method).model
+    assert found['coulomb_friction.tau_c'] == pytest.approx(8e-3, rel=limit)
+    assert off(found, 'J') < 0.03
+
+
+def test_on_the_command_line(tmp_path, capsys):
+    data = bench()
+    path, model = tmp_path / 'run.csv', tmp_path / 'model.yaml'
+    header = ','.join(['time [s]', *(f'{n} [{data.units[n]}]' for n in data)])
+    table = np.column_stack([data.time, *data.signals.values()])
+    np.savetxt(path, table, delimiter=',', header=header, comments='')
+    save_model(start(), model)
+    assert main(['fit', str(path), '--model', str(model), '--method', 'iv']) == 0
+    assert 'solved without iteration' in capsys.readouterr().out
+    assert main(['fit', str(path), '--model', str(model), '--method', 'magic']) == 2
+    assert 'unknown method `magic`' in capsys.readouterr().err
