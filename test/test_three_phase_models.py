@@ -180,3 +180,26 @@ def test_a_position_is_made_from_hall_sectors():
     assert model['k_e'] == pytest.approx(truth.k_e, rel=0.02)
     with pytest.raises(UserError, match='pole_pairs'):
         fit_model([halls], motor='bldc')
+
+
+def turned_record(angle: float) -> Record:
+    """Return a record whose drive takes an axis `angle` electrical rad behind the magnet for d."""
+    _, record = pmsm_record(2.0)
+    for kind, unit in (('voltage', 'V'), ('current', 'A')):
+        d, q = record[f'{kind}_d'], record[f'{kind}_q']
+        cos, sin = np.cos(angle), np.sin(angle)
+        record = record.with_signal(f'{kind}_d', d * cos - q * sin, unit)
+        record = record.with_signal(f'{kind}_q', d * sin + q * cos, unit)
+    return record
+
+
+@pytest.mark.parametrize('degrees', [90, -90, 180, 45])
+def test_axes_that_are_mixed_up_are_refused_with_their_angle(degrees):
+    record = turned_record(np.radians(degrees))
+    with pytest.raises(UserError, match=rf'lies {degrees:+d}'.replace('+', '') + '|lies -180'):
+        fit_model([record], motor='pmsm', nominal={'pole_pairs': 4.0})
+
+
+def test_axes_that_are_a_little_off_are_made_up_for():
+    found = motor('pmsm').start([turned_record(0.1)], {'pole_pairs': 4.0})
+    assert found['frame_error'] == pytest.approx(0.1, abs=0.02)

@@ -5,12 +5,14 @@
     J domega/dt = 1.5 pole_pairs (psi_f i_q + (L_d - L_q) i_d i_q) - b omega + torque effects
     dtheta/dt   = omega,   omega_e = pole_pairs omega
 
-Amplitudes are those of a phase; what each axis puts into the other is in `pmsm_laws`.  The current
+Amplitudes are those of a phase; what the magnet does where it is not quite on the recorded d axis
+(`frame_error`) and what each axis puts into the other is in `pmsm_laws`.  The current
 sensors sit in phases a and b: their offsets turn with the rotor, so that the record's position
 must be there to tell them.  (Krishnan, Electric Motor Drives, 2001, chapter 9.)
 """
 
 from collections.abc import Mapping, Sequence
+import math
 
 import numpy as np
 
@@ -34,6 +36,9 @@ from motor_sysid.physics.motors.base import (
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Record
+
+MOST_TURNED = 0.5
+"""Electrical angle (rad) between the magnet and the recorded d axis that a fit makes up for."""
 
 _SHORT = 8
 _ROUND = 0.3
@@ -70,12 +75,19 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
     Raises
     ------
     UserError
-        If the pole pairs are neither given nor to be told from the records.
+        If the pole pairs are neither given nor to be told from the records, or if the axes of the
+        records are not those of the magnet.
     """
     pairs = given.get('pole_pairs') or _pole_pairs(records)
-    r, l_d, l_q, linkage = _electrical(records, pairs)
+    r, l_d, l_q, linkage, turned = _electrical(records, pairs)
+    if abs(turned) > MOST_TURNED:
+        raise UserError(
+            f'the back-EMF of these records lies {math.degrees(turned):.0f} electrical degrees '
+            'ahead of the q axis: their position zero is not on the d axis (the magnet). Turn '
+            'voltages and currents by that angle, or name the right offset; see docs/notation.md'
+        )
     psi = max(linkage / pairs, 1e-7)
-    values = {'pole_pairs': pairs, 'psi_f': psi, 'L_d': l_d, 'L_q': l_q}
+    values = {'pole_pairs': pairs, 'psi_f': psi, 'L_d': l_d, 'L_q': l_q, 'frame_error': turned}
 
     def mechanical(record: Record, length: int) -> tuple[Array, Array]:
         dt, speed = record.dt, measured_speed(record)
@@ -89,22 +101,25 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
     return {**values, 'R': r, 'J': max(inertia, 1e-9), 'b': max(b, lossy)}
 
 
-def _electrical(records: Sequence[Record], pairs: float) -> tuple[float, float, float, float]:
-    """Return R, L_d, L_q and the back-EMF constant from both voltage balances."""
+def _electrical(
+    records: Sequence[Record], pairs: float
+) -> tuple[float, float, float, float, float]:
+    """Return R, L_d, L_q, the back-EMF constant and its angle from both voltage balances."""
 
     def balances(record: Record, length: int) -> tuple[Array, Array]:
         columns, drive = _terms(record, length)
         r_d, l_d, speed_q, r_q, l_q, speed_d, emf = columns
         zero = np.zeros_like(emf)
-        d = np.column_stack([r_d, l_d, -pairs * speed_q, zero])
-        q = np.column_stack([r_q, pairs * speed_d, l_q, emf])
+        d = np.column_stack([r_d, l_d, -pairs * speed_q, zero, -emf])
+        q = np.column_stack([r_q, pairs * speed_d, l_q, emf, zero])
         return np.concatenate([d, q]), drive
 
-    r, l_d, l_q, linkage = integral_regression(records, balances)
+    r, l_d, l_q, linkage, side = (float(v) for v in integral_regression(records, balances))
     r = max(r, 1e-4)
     slowest = 50 * r * records[0].dt
     l_q = float(np.clip(l_q, 1e-3 * slowest, slowest))
-    return r, float(np.clip(l_d, 0.1 * l_q, 10 * l_q)), l_q, linkage
+    turned = math.atan2(side, linkage)
+    return r, float(np.clip(l_d, 0.1 * l_q, 10 * l_q)), l_q, math.hypot(linkage, side), turned
 
 
 def _terms(record: Record, length: int) -> tuple[list[Array], Array]:
@@ -180,6 +195,10 @@ MOTOR = Motor(
         Parameter('b', 'N m s/rad', 1e-5, 1e-12, 1e4, 'viscous friction'),
         Parameter('current_offset_a', 'A', 0.0, -100.0, 100.0, 'offset of the sensor in phase a'),
         Parameter('current_offset_b', 'A', 0.0, -100.0, 100.0, 'offset of the sensor in phase b'),
+        Parameter(
+            'frame_error', 'rad', 0.0, -MOST_TURNED, MOST_TURNED,
+            'electrical angle of the magnet ahead of the recorded d axis',
+        ),
         Parameter('pole_pairs', '1', 4.0, 1.0, 64.0, 'electrical turns in one turn', free=False),
         Parameter(
             'angle_offset', 'rad', 0.0, -7.0, 7.0, 'electrical angle at position zero', free=False
