@@ -127,3 +127,15 @@ def test_the_classic_mix_up_is_called_by_its_name_and_its_angle_is_right() -> No
     mended = np.pi / 2 + finding.numbers['error_rad']
     assert mended == pytest.approx(0, abs=0.06)
     assert 'half a turn' in found(turned_frame(np.pi)(PMSM))['electrical_offset'].message
+
+
+def test_a_motor_that_is_braked_is_not_one_of_the_wrong_sign() -> None:
+    """While it brakes hard, the voltage is against the speed for good reason."""
+    slowing = PMSM['speed'] * PMSM['voltage_q'] < 0
+    edges = np.flatnonzero(np.diff(slowing.astype(int)))
+    longest = max(np.split(np.arange(len(PMSM)), edges + 1), key=lambda k: k.size * slowing[k[0]])
+    piece = PMSM.slice(int(longest[0]), int(longest[-1]) + 1)
+    assert len(piece) > 20
+    assert 'speed_sign' not in found(piece)
+    backward = PMSM.with_signal('speed', -PMSM['speed'], 'rad/s')
+    assert 'speed_sign' in found(backward.select([n for n in backward if n != 'position']))

@@ -8,6 +8,9 @@ from motor_sysid.cli.common import load_data, progress, write_json
 from motor_sysid.cli.diagnose import summary
 from motor_sysid.physics.model import Model
 
+SHORTEST = 0.1
+"""Pieces shorter than this share of the longest, which a busy machine cuts off, are left out."""
+
 
 @dataclass(frozen=True)
 class Demo:
@@ -40,7 +43,9 @@ def finish(demo: Demo) -> int:
     from motor_sysid.physics.store import save_model
     from motor_sysid.workbench.report import write_report
 
-    records = load_data([demo.bag], None)
+    pieces = load_data([demo.bag], None)
+    longest = max(len(piece) for piece in pieces)
+    records = [piece for piece in pieces if len(piece) >= SHORTEST * longest]
     began = time.perf_counter()
     found = diagnose(
         records,

@@ -40,6 +40,8 @@ FASTEST = 2500.0
 """rad/s; few motors turn faster (23 900 rpm)."""
 WEAKEST = 1e-4
 """V s/rad; hardly any motor has a smaller back-EMF constant."""
+BALANCED = 0.9
+"""Share of the voltage that its balance must explain to say that a motor was braked."""
 OPPOSED = -0.3
 """Correlation from which two signals that should agree in sign do not."""
 
@@ -166,7 +168,10 @@ def _signs(record: Record) -> Iterator[Finding]:
                 yield _opposed(current, driver, Severity.ERROR, {'ohm': balance.resistance})
         elif (agreement := _agreement(record[driver], record[current])) < OPPOSED:
             yield _opposed(current, driver, Severity.WARNING, {'correlation': agreement})
-    if speed is not None and driver != current:
+    braked = (
+        current and balance is not None and balance.explained > BALANCED and balance.back_emf > 0
+    )
+    if speed is not None and driver != current and not braked:
         agreement = _agreement(record[driver], speed)
         if agreement < OPPOSED:
             severity = Severity.ERROR if agreement < 2 * OPPOSED else Severity.WARNING
