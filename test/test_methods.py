@@ -48,7 +48,7 @@ def off(model, name):
 
 
 @pytest.mark.parametrize('closed', [False, True], ids=['open', 'closed'])
-@pytest.mark.parametrize('method', [m for m in DIRECT if m != 'ls'])
+@pytest.mark.parametrize('method', [m for m in DIRECT if m not in ('ls', 'delay_profiled')])
 def test_the_known_motor_comes_back_with_an_honest_sigma(method, closed):
     if method == 'two_stage' and not closed:
         with pytest.raises(UserError, match='speed_reference'):
@@ -127,6 +127,21 @@ def test_an_effect_is_one_more_column(method, limit):
     found = refit(start().with_effect('coulomb_friction'), data, method).model
     assert found['coulomb_friction.tau_c'] == pytest.approx(8e-3, rel=limit)
     assert off(found, 'J') < 0.03
+
+
+def test_a_delay_is_found_without_a_start():
+    """7.4 ms of dead time, values four times too large."""
+    rng = np.random.default_rng(6)
+    shape = random_steps(DT * np.arange(4000), 0.026, rng)
+    data = measure(run(PLANT._replace(delay=7.4e-3), Control(9 * shape), DT),
+                   Sensors(0, 0.6, 0.02, 1e-4, OFFSET), DT, rng)  # fmt: skip
+    late = start(4.0).with_effect('input_delay')
+    found = refit(late, data, 'delay_profiled').model
+    assert found['input_delay.delay'] == pytest.approx(7.4e-3, abs=5e-5)
+    for name in WELL_SEEN:
+        assert off(found, name) < 0.01
+    with pytest.raises(UserError, match='add the effect `input_delay`'):
+        refit(start(), data, 'delay_profiled')
 
 
 def test_on_the_command_line(tmp_path, capsys):

@@ -5,6 +5,7 @@ from functools import partial
 
 from motor_sysid.estimation.batch.least_squares import fit as fit_output_error
 from motor_sysid.estimation.batch.methods import (
+    delay_profiled,
     gls,
     iv,
     ls,
@@ -22,6 +23,7 @@ DIRECT: dict[str, Callable[[Problem], FitResult]] = {
     'prediction_error': prediction_error.fit,
     'two_stage': two_stage.fit,
     **{name: partial(robust.fit, loss=loss) for name, loss in robust.LOSSES.items()},
+    'delay_profiled': delay_profiled.fit,
     'ls': ls.fit,
     'svf': svf.fit,
     'gls': gls.fit,
