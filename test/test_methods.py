@@ -23,6 +23,8 @@ TRUE = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5}
 PLANT = Plant(2.1, 2.4e-3, 0.046, 2.6e-5, 1.3e-5)
 OFFSET = 0.015
 WELL_SEEN = ('R', 'k_t', 'J')
+APART = ('ls', 'delay_profiled', 'frequency_response')
+"""Methods with tests of their own."""
 
 
 def bench(*, closed=False, noise=1.0, push=0.0, seed=3, rows=4000):
@@ -48,7 +50,7 @@ def off(model, name):
 
 
 @pytest.mark.parametrize('closed', [False, True], ids=['open', 'closed'])
-@pytest.mark.parametrize('method', [m for m in DIRECT if m not in ('ls', 'delay_profiled')])
+@pytest.mark.parametrize('method', [m for m in DIRECT if m not in APART])
 def test_the_known_motor_comes_back_with_an_honest_sigma(method, closed):
     if method == 'two_stage' and not closed:
         with pytest.raises(UserError, match='speed_reference'):
@@ -127,6 +129,16 @@ def test_an_effect_is_one_more_column(method, limit):
     found = refit(start().with_effect('coulomb_friction'), data, method).model
     assert found['coulomb_friction.tau_c'] == pytest.approx(8e-3, rel=limit)
     assert off(found, 'J') < 0.03
+
+
+@pytest.mark.parametrize('closed', [False, True], ids=['open', 'closed'])
+def test_a_linear_motor_is_found_in_its_frequency_response(closed):
+    found = refit(start(), bench(closed=closed, rows=8000), 'frequency_response')
+    for name in (*WELL_SEEN, 'L'):
+        assert off(found.model, name) < 0.015
+    assert any('current_offset' in words for words in found.unidentifiable)
+    with pytest.raises(UserError, match='leave out coulomb_friction'):
+        refit(start().with_effect('coulomb_friction'), bench(rows=600), 'frequency_response')
 
 
 def test_a_delay_is_found_without_a_start():

@@ -6,6 +6,7 @@ from functools import partial
 from motor_sysid.estimation.batch.least_squares import fit as fit_output_error
 from motor_sysid.estimation.batch.methods import (
     delay_profiled,
+    frequency_response,
     gls,
     iv,
     ls,
@@ -24,6 +25,7 @@ DIRECT: dict[str, Callable[[Problem], FitResult]] = {
     'two_stage': two_stage.fit,
     **{name: partial(robust.fit, loss=loss) for name, loss in robust.LOSSES.items()},
     'delay_profiled': delay_profiled.fit,
+    'frequency_response': frequency_response.fit,
     'ls': ls.fit,
     'svf': svf.fit,
     'gls': gls.fit,
