@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--quick', action='store_true',
         help=f'{QUICK} cases (some minutes) in place of {FULL}, kept only with --results; of '
         '`paper` a part with 3 seeds (half a minute) in place of 30; of `estimators` one motor '
-        'for 3 s in place of three for 10 s',
+        'for 3 s in place of two for 6 s',
     )  # fmt: skip
     parser.add_argument(
         '--runs', type=int, metavar='N', help='number of cases, of seeds, or of motors'

@@ -10,7 +10,7 @@ from motor_sysid.errors import UserError
 if TYPE_CHECKING:
     from motor_sysid.benchmark.perturbations import Perturbation
 
-MOTORS, SECONDS = 3, 10.0
+MOTORS, SECONDS = 2, 6.0
 QUICK_MOTORS, QUICK_SECONDS = 1, 3.0
 
 
