@@ -176,8 +176,8 @@ def test_a_position_is_made_from_hall_sectors():
     turn = 2 * np.pi / truth.pole_pairs
     assert np.median(shift / turn) == pytest.approx(round(np.median(shift / turn)), abs=0.02)
     assert np.quantile(np.abs(shift - np.median(shift)), 0.95) < 0.1 * turn
-    model = fit_model([halls], motor='bldc', nominal={'pole_pairs': truth.pole_pairs}).model
-    assert model['k_e'] == pytest.approx(truth.k_e, rel=0.02)
+    start = motor('bldc').start([made], {'pole_pairs': truth.pole_pairs})
+    assert start['k_e'] == pytest.approx(truth.k_e, rel=0.02)
     with pytest.raises(UserError, match='pole_pairs'):
         fit_model([halls], motor='bldc')
 
