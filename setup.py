@@ -65,6 +65,7 @@ setup(
             'colcon-ros',
             'colcon-test-result',
             'mypy',
+            'pytest-xdist',
             'ruff',
             'scipy-stubs',
             'setuptools<80',  # what colcon-core asks for
