@@ -115,8 +115,16 @@ TROUBLES = (
 )  # fmt: skip
 
 
-@pytest.mark.parametrize('trouble', TROUBLES, ids=lambda f: f.__name__)
-@pytest.mark.parametrize('key', ESTIMATORS)
+RARE = (gap, no_motion, constant_speed, stamps_fall_back, stuck_input)
+SOUND = [
+    pytest.param(key, trouble, id=f'{key}-{trouble.__name__}',
+                 marks=[pytest.mark.slow] if key not in RECOMMENDED and trouble in RARE else [])
+    for key in ESTIMATORS
+    for trouble in TROUBLES
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(('key', 'trouble'), SOUND)
 def test_stays_sound(key, trouble):
     online = feed(identifier(key), trouble(samples()[:1700].copy()))
     is_sound(online)
