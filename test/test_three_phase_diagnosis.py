@@ -30,7 +30,7 @@ HIDDEN = {
 }  # fmt: skip
 """Numbers of the true motor; parameters with their relative tolerance; rivals."""
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
 
 def diagnosed(kind: str, effects: tuple[str, ...], **hidden: float) -> Diagnosis:
