@@ -202,3 +202,11 @@ def test_the_command_line_runs_it(tmp_path):
     assert main(['benchmark', 'paper', *options, '--page', str(tmp_path / 'page.html')]) == 0
     assert json.loads(said.read_text())['gates']
     assert (tmp_path / 'page.html').read_text().startswith('<!doctype html>')
+
+
+def test_no_hidden_torque_is_no_reason_to_add_one():
+    """An effect that a fit has no use for leaves no parameter behind; that is no fault."""
+    run = motor.hidden(0.0, 5)
+    assert not run.flagged
+    assert run.found < 0.01
+    assert 0.9 < run.chi2 < 1.1

@@ -7,6 +7,7 @@ input delay; all six numbers can be identified.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 import time
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from motor_sysid.benchmark.paper.control import DT
 from motor_sysid.benchmark.paper.studies import binary, levels, STEPS
 from motor_sysid.benchmark.plant import Plant
-from motor_sysid.benchmark.truth import Control, run
+from motor_sysid.benchmark.truth import Control, run, Truth
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.fitting import add_effect, compare_model, fit_model
 from motor_sysid.estimation.batch import make_chain, Problem, refit
@@ -78,7 +79,7 @@ class HiddenRun:
     flagged:
         Whether the diagnosis says that something is missing.
     found:
-        Torque after it was added, N m.
+        Torque after it was added, N m; 0 where the fit has no use for it.
     chi2:
         Mean square of what is then left of the speed, over that of the noise.
     fit:
@@ -99,11 +100,7 @@ def record(
     decibel: int, seed: int, volts: Array, tau_c: float = 0.0, delay: float = TRUE['delay']
 ) -> tuple[Record, float]:
     """Return a record of the true motor with noise, and the noise of its speed, rad/s."""
-    plant = Plant(
-        R=TRUE['R'], L=TRUE['L'], k=TRUE['k_t'], J=TRUE['J'], b=TRUE['b'], delay=delay,
-        tau_plus=tau_c, tau_minus=tau_c,
-    )  # fmt: skip
-    truth = run(plant, Control(volts), DT)
+    truth = _truth(volts.tobytes(), tau_c, delay)
     rng = np.random.default_rng([seed, decibel])
     signals, sigma = {'voltage': volts}, 0.0
     for name, clean in (('current', truth.current), ('speed', truth.speed)):
@@ -112,6 +109,16 @@ def record(
     units = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'}
     time_of = np.linspace(0.0, DT * (volts.size - 1), volts.size)
     return Record(time_of, signals, units), sigma
+
+
+@lru_cache(maxsize=16)
+def _truth(volts: bytes, tau_c: float, delay: float) -> Truth:
+    """Return what the motor does; the same is asked for with every noise."""
+    plant = Plant(
+        R=TRUE['R'], L=TRUE['L'], k=TRUE['k_t'], J=TRUE['J'], b=TRUE['b'], delay=delay,
+        tau_plus=tau_c, tau_minus=tau_c,
+    )  # fmt: skip
+    return run(plant, Control(np.frombuffer(volts)), DT)
 
 
 def fitted(decibel: int, seed: int) -> MotorRun:
@@ -171,6 +178,7 @@ def hidden(tau_c: float, seed: int) -> HiddenRun:
     return HiddenRun(
         tau_c, seed, white.p,
         names.index('coulomb_friction') + 1 if 'coulomb_friction' in names else 0,
-        said.verdict.value != 'complete', after.model['coulomb_friction.tau_c'],
+        said.verdict.value != 'complete',
+        after.model['coulomb_friction.tau_c'] if after.model.effects else 0.0,
         float(np.mean(left**2)) / sigma**2, 100 - rest,
     )  # fmt: skip
