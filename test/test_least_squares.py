@@ -137,7 +137,7 @@ def test_the_start_values_read_from_balances_are_near():
     rng = np.random.default_rng(2)
     model = Model.base('brushed_dc', MOTOR)
     data = [measure(model, voltage_profile('steps', 4.0, rng), rng)]
-    start = motor('brushed_dc').start(data)
+    start = motor('brushed_dc').start(data, {})
     for name in ('R', 'k_t', 'J'):
         assert start[name] == pytest.approx(MOTOR[name], rel=0.2)
 

@@ -27,7 +27,7 @@ def rung(error_percent, unidentifiable=()):
     """Return a fit with that held-out error."""
     return SimpleNamespace(
         held=SimpleNamespace(error_percent=error_percent),
-        result=SimpleNamespace(unidentifiable=unidentifiable),
+        result=SimpleNamespace(unidentifiable=unidentifiable, undetermined=unidentifiable),
     )
 
 

@@ -98,12 +98,14 @@ def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
     ]
 
 
-def _vague(rung: Rung) -> list[str]:
-    """Return what is said of base parameters that the data do not determine.
+def _vague(rung: Rung) -> int:
+    """Return how many base parameters are undetermined, of a combination all but one.
 
     A missing effect may push two of them to their bounds; with it, they come back.
     """
-    return [said for said in rung.result.unidentifiable if '.' not in said.split()[0]]
+    base = [name for name in rung.result.undetermined if '.' not in name]
+    said = [text for text in rung.result.unidentifiable if '.' not in text.split()[0]]
+    return max(len(base) - 1, min(len(said), len(base)))
 
 
 def verdict_of(
@@ -119,7 +121,7 @@ def verdict_of(
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
-    if min(len(_vague(base)), len(_vague(final))) >= TOO_VAGUE and not structured:
+    if min(_vague(base), _vague(final)) >= TOO_VAGUE and not structured:
         return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+import re
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,3 +61,9 @@ class FitResult:
     simulations: int
     iterations: int
     vector: Array
+
+    @property
+    def undetermined(self) -> tuple[str, ...]:
+        """Free parameters that `unidentifiable` speaks of."""
+        said = {word for text in self.unidentifiable for word in re.split('[ ,;]+', text)}
+        return tuple(p.name for p in self.model.parameters.free if p.name in said)
