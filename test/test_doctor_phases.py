@@ -139,3 +139,16 @@ def test_a_motor_that_is_braked_is_not_one_of_the_wrong_sign() -> None:
     assert 'speed_sign' not in found(piece)
     backward = PMSM.with_signal('speed', -PMSM['speed'], 'rad/s')
     assert 'speed_sign' in found(backward.select([n for n in backward if n != 'position']))
+
+
+def test_noise_of_three_sensors_is_no_uneven_sum():
+    t = 1e-3 * np.arange(4000)
+    noise = 0.015 * np.random.default_rng(0).normal(size=(3, t.size))
+    columns = {
+        f'current_{phase}': 0.18 * np.sin(20 * t - 2 * np.pi / 3 * k) + noise[k]
+        for k, phase in enumerate('abc')
+    }
+    record = Record(t, columns, dict.fromkeys(columns, 'A'))
+    assert 'current_sum' not in {one.code for one in examine([record])}
+    scaled = record.with_signal('current_b', 0.6 * columns['current_b'], 'A')
+    assert 'current_sum' in {one.code for one in examine([scaled])}

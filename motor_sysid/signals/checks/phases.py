@@ -9,13 +9,15 @@ from numpy.typing import NDArray
 
 from motor_sysid.signals.checks.common import Array, smoothed, speed_of
 from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.noise import noise_sigma
 from motor_sysid.signals.phases import electrical_angle, phase_columns, PHASES, to_dq
 from motor_sysid.signals.record import Record
 
 Complex = NDArray[np.complex128]
 
-OFFSET_SUM = 0.03
-"""Mean of the sum of currents, in parts of their RMS, that is worth a warning."""
+OFFSET_SUM = 0.1
+"""Mean of the sum of currents, in parts of their RMS, that is worth a warning; models fit smaller
+offsets."""
 UNEVEN_SUM = 0.15
 """Spread of that sum beyond which no noise explains it."""
 MOST_PAIRS = 60
@@ -55,13 +57,14 @@ def _has(record: Record, kind: str, axes: str) -> bool:
 
 
 def _sum_of_currents(record: Record) -> Iterator[Finding]:
-    """Currents into a floating neutral add up to zero."""
+    """Currents into a floating neutral add up to zero, but for the noise of three sensors."""
     currents = phase_columns(record, 'current')
     size = float(np.sqrt(np.mean(currents**2)))
     if size == 0:
         return
     total = currents.sum(axis=1)
-    uneven = float(np.std(total)) / size
+    beyond_noise = max(float(np.var(total)) - noise_sigma(total) ** 2, 0.0)
+    uneven = float(np.sqrt(beyond_noise)) / size
     if uneven > UNEVEN_SUM:
         yield _uneven(currents, size, uneven)
         return
