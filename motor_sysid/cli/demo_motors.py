@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from motor_sysid.control.pid import PidGains
 from motor_sysid.control.tuning import current_pi, speed_pi, torque_constant
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor as find_motor
 
 CLOSED_LOOP_TIME = 0.025
 """Time constant of a speed loop that commands a voltage, s."""
@@ -46,7 +47,7 @@ class DemoMotor:
     @property
     def command(self) -> str:
         """What the speed controller commands."""
-        return 'voltage' if self.kind == 'brushed_dc' else 'current'
+        return 'current' if find_motor(self.kind).frame else 'voltage'
 
     def model(self) -> Model:
         """Return the model from the data sheet."""

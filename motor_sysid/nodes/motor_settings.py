@@ -8,6 +8,7 @@ from motor_sysid.nodes.parameters import parameter
 from motor_sysid.nodes.plants.base import Setup
 from motor_sysid.nodes.sensors import SensorSettings
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors import motor
 
 PARAMETERS = {
     'brushed_dc': ('R', 'L', 'k_t', 'J', 'b'),
@@ -91,7 +92,7 @@ class MotorSettings:
     @property
     def limit(self) -> float:
         """Largest command: V for a motor on a voltage, A for a drive that follows a current."""
-        return self.supply_voltage if self.motor_kind == 'brushed_dc' else self.current_limit
+        return self.current_limit if motor(self.motor_kind).frame else self.supply_voltage
 
     def base(self) -> Model:
         """Return the motor as its maker describes it, and as its drive knows it."""
