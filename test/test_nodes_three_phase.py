@@ -20,6 +20,7 @@ from motor_sysid.nodes.motor_settings import MotorSettings
 from motor_sysid.nodes.plants import make_plant
 from motor_sysid.nodes.plants.base import Plant, Sample
 from motor_sysid.recording import load
+from motor_sysid.signals import Record
 from motor_sysid.signals.doctor import examine
 from motor_sysid.signals.phases import phase_columns
 
@@ -129,8 +130,11 @@ def test_a_pmsm_is_identified_and_recorded_over_dds(repository: Path, tmp_path: 
 
         def known() -> bool:
             found = monitor.look().estimates
-            names = ('R', 'psi_f', 'J')
-            return all(n in found and found[n].sigma < 0.05 * found[n].value for n in names)
+            return all(
+                name in found and found[name].sigma < 0.05 * value
+                and found[name].value == pytest.approx(value, rel=0.15)
+                for name, value in (('R', 2.0), ('psi_f', 8.3e-3), ('J', 5e-5))
+            )  # fmt: skip
 
         wait_for(known, 'estimates', 60)
         estimates = monitor.look().estimates
@@ -138,7 +142,7 @@ def test_a_pmsm_is_identified_and_recorded_over_dds(repository: Path, tmp_path: 
             assert running[name].end() == 0, running[name].output()
     for name, value in (('R', 2.0), ('psi_f', 8.3e-3), ('J', 5e-5)):
         assert estimates[name].value == pytest.approx(value, rel=0.15), name
-    record = max(load(tmp_path / 'bag').records, key=len)
+    record = max(load(tmp_path / 'bag').records, key=travel)
     names = {'voltage_d', 'voltage_q', 'current_d', 'current_q', 'speed', 'position'}
     assert names | {'current_command', 'speed_reference'} <= set(record)
     assert not [f for f in examine(record) if f.code == 'electrical_offset']
@@ -156,7 +160,7 @@ def test_a_bldc_is_recorded_in_phases_over_dds(repository: Path, tmp_path: Path)
         wait_for(lambda: turned(tmp_path / 'bag') > 2.0, 'a turn of the shaft', 90)
         for name in ('pid', 'motor', 'recorder'):
             assert running[name].end() == 0, running[name].output()
-    record = max(load(tmp_path / 'bag').records, key=len)
+    record = max(load(tmp_path / 'bag').records, key=travel)
     currents, voltages = (phase_columns(record, kind) for kind in ('current', 'voltage'))
     assert np.max(np.abs(currents.sum(axis=1))) < 1e-9
     assert record.dt == pytest.approx(5e-3)
@@ -167,9 +171,13 @@ def test_a_bldc_is_recorded_in_phases_over_dds(repository: Path, tmp_path: Path)
     assert {'current_command', 'speed_reference'} <= set(record)
 
 
+def travel(record: Record) -> float:
+    return float(np.ptp(record['position']))
+
+
 def turned(bag: Path) -> float:
     """Return how far the shaft got in a bag that is being written, rad."""
     try:
-        return float(max(np.ptp(record['position']) for record in load(bag).records))
+        return max(travel(record) for record in load(bag).records)
     except UserError:
         return 0.0

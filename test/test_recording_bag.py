@@ -276,6 +276,25 @@ def test_lost_messages_make_a_gap(tmp_path: Path) -> None:
     assert codes(loaded) >= {'gap', 'topics_overlap'}
 
 
+@pytest.mark.parametrize('idle', [True, False])
+def test_a_reference_that_starts_late_counts_if_the_motor_idled_before(
+    tmp_path: Path, idle: bool
+) -> None:
+    """A controller is often started after the motor; what it drove is the record then."""
+    record = motor_record(300)
+    if idle:
+        voltage = np.where(np.arange(300) < 200, 0.0, record['voltage'])
+        record = Record(record.time, {**record.signals, 'voltage': voltage}, record.units)
+    topics = motor_topics(record)
+    kind, messages = topics['/motor/voltage']
+    topics['/motor/reference'] = (kind, messages[200:])
+    loaded = load(write_bag(tmp_path / 'bag', topics))
+    (one,) = loaded.records
+    assert len(one) == (100 if idle else 300)
+    assert ('speed_reference' in one) == idle
+    assert ('reference_left_out' in codes(loaded)) != idle
+
+
 def test_repeated_and_zero_stamps(tmp_path: Path) -> None:
     topics = motor_topics(motor_record(50))
     kind, messages = topics['/motor/speed']

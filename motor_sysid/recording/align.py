@@ -29,7 +29,9 @@ NEARLY = 0.9
 """Share of the most messages from which a topic counts as just as fast."""
 MEASURED = ('speed', 'position', 'current', 'current_q', 'current_a')
 REFERENCE_COVER = 0.5
-"""A reference that covers less of the base clock than this is left out."""
+"""A reference that covers less of the base clock is left out, unless the motor idled before."""
+IDLE = 0.02
+"""The inputs vary less than this share of what they vary under a reference: nothing drives."""
 
 
 @dataclass(frozen=True)
@@ -193,10 +195,10 @@ def _joined(
     signals = dict(clock.signals)
     good = np.ones(stamps.size, dtype=bool)
     edges = _edges(time)
-    for one in others:
+    for one in sorted(others, key=_is_reference):  # what moved without them must be known first
         covered = _covered(one, stamps)
-        references = all(role_of(name) is Role.STEPPED for name in one.signals)
-        if references and np.mean(covered) < REFERENCE_COVER:
+        short = np.mean(covered) < REFERENCE_COVER
+        if _is_reference(one) and short and not _idle(signals, ~covered):
             findings.append(_left_out(one, float(np.mean(covered))))
             continue
         good &= covered
@@ -218,6 +220,18 @@ def _carried(
     if np.array_equal(one.stamps, stamps):
         return values
     return resample(name, (one.stamps - origin) / 1e9, values, edges)
+
+
+def _is_reference(one: Series) -> bool:
+    return all(role_of(name) is Role.STEPPED for name in one.signals)
+
+
+def _idle(signals: Mapping[str, Array], away: Mask) -> bool:
+    """Tell if nothing drove the motor at those rows, as before its controller was started."""
+    inputs = [values for name, values in signals.items() if role_of(name) is Role.INPUT]
+    if not inputs or away.all():
+        return False
+    return all(np.std(u[away]) <= IDLE * np.std(u[~away]) for u in inputs)
 
 
 def _edges(time: Array) -> Array:
