@@ -54,7 +54,7 @@ class Network(Kind):
             layer, linear = _split(z, hidden, width)
             return np.vstack([_layers(layer, linear, rows)[1], keep * np.eye(z.size)])
 
-        found = least_squares(residual, start, jac=jacobian, max_nfev=_MOST)
+        found = least_squares(residual, start, jac=jacobian, method='lm', max_nfev=_MOST)
         layer, linear = _split(np.asarray(found.x), hidden, width)
         return {'layer': layer, 'linear': linear, 'size': np.array([size])}
 

@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 _DAMPINGS = (0.0, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1e3, 1e4)
 _LENGTHS = (1.0, 0.4)
+_SEEN = 1e-12
+"""Relative eigenvalue of the scaled curvature below which a direction is not there."""
 
 ENOUGH = 0.5
 """Share of the promised decrease that an undamped step must bring to be taken as it is."""
@@ -216,9 +218,12 @@ def _trials(
     scale = np.sqrt(np.diag(curvature)[moving])
     h = curvature[np.ix_(moving, moving)] / np.outer(scale, scale)
     g = gradient[moving] / scale
+    values, vectors = np.linalg.eigh(h)
+    kept = values > _SEEN * values[-1]
+    along = (vectors.T @ g)[kept]
     steps = []
     for damping in _DAMPINGS:
-        step = np.linalg.lstsq(h + damping * np.eye(moving.size), g, rcond=1e-12)[0] / scale
+        step = vectors[:, kept] @ (along / (values[kept] + damping)) / scale
         steps += [length * step for length in _LENGTHS]
     trials = np.repeat(z[np.newaxis, :], len(steps), axis=0)
     trials[:, moving] += np.clip(steps, -reach[moving], reach[moving])
