@@ -16,6 +16,8 @@ from pathlib import Path
 import sys
 import time
 
+from motor_sysid.signals.record import Record
+
 CONFIGS = Path(__file__).with_suffix('')
 
 
@@ -35,6 +37,8 @@ class Case:
         Motor kind.
     expected:
         What is known to be there, in the words of the source.
+    returns:
+        Whether each file holds a way there and the way back, which count as two records.
     """
 
     name: str
@@ -43,6 +47,7 @@ class Case:
     config: str
     motor: str
     expected: str
+    returns: bool = False
 
 
 CASES = (
@@ -52,10 +57,12 @@ CASES = (
                             for name in ('sin_sin', 'sin_time_square', 'up_and_down')),
          tuple(f'bam_xl330/kp800_{name}.csv.gz' for name in ('sin_sin', 'sin_time_square')),
          'bam_xl330', 'brushed_dc_reduced', 'gravity, friction that grows with the load'),
+    Case('laas map', ('laas_cogging/standstill_map.csv.gz',), (), 'laas_map.yaml', 'inverse_axis',
+         'cogging of 72 waves per turn, and of 18, 12 and more; stiction', returns=True),
     Case('laas accel', ('laas_cogging/accel_sine_2Hz.csv.gz',), (), 'laas_q_axis.yaml',
-         'brushed_dc', 'Coulomb friction, cogging, inverter dead time'),
+         'pmsm', 'Coulomb friction, inverter dead time, drag'),
     Case('laas rolling', ('laas_cogging/rolling_uq1V_a.csv.gz',), (), 'laas_q_axis.yaml',
-         'brushed_dc', 'cogging (one speed, one direction)'),
+         'pmsm', 'cogging (one speed, one direction)'),
     Case('frc drivetrain', ('frc_sysid/team5409_2022_drivetrain.csv.gz',), (),
          'wpilib_sysid_drivetrain', 'brushed_dc_reduced', 'static friction, dead time of 88 ms'),
     Case('frc roller', ('frc_sysid/team581_2022_intake_roller.csv.gz',), (), 'wpilib_sysid',
@@ -113,6 +120,8 @@ def look(case: Case, folder: Path) -> dict[str, object]:
             [r for name in names for r in load(folder / name, config).records]
             for names in (case.train, case.valid)
         )
+        if case.returns:
+            train = [half for record in train for half in there_and_back(record)]
         found = diagnose(train, valid, motor=case.motor)
     except UserError as error:
         return {'verdict': 'refused', 'effects': [], 'ladder': [], 'reasons': [str(error)]}
@@ -131,6 +140,12 @@ def look(case: Case, folder: Path) -> dict[str, object]:
         'reasons': list(found.reasons),
         'seconds': round(time.perf_counter() - begun, 1),
     }
+
+
+def there_and_back(record: Record) -> tuple[Record, Record]:
+    """Cut a record where its position turns back."""
+    turn = int(record['position'].argmax())
+    return record.slice(0, turn), record.slice(turn, len(record))
 
 
 def line(row: dict[str, object]) -> str:

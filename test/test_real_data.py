@@ -10,6 +10,7 @@ import yaml
 
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 from motor_sysid.physics.datasheet import load_datasheet
+from motor_sysid.physics.effects import effect
 from motor_sysid.recording import load
 
 CASES = {
@@ -68,3 +69,45 @@ def test_emps_parameters_are_those_of_the_literature(emps):
     friction = [value for name, value in own.items() if 'friction.tau_c' in name]
     assert np.mean(friction) == pytest.approx(20.4, rel=0.1)
     assert emps.model.parameters['J'].unit == 'kg'
+
+
+LAAS_MAP = """
+time: {column: t_s, unit: s}
+signals:
+  current: {column: iq_A, unit: A}
+  position: {column: position_rad, unit: rad}
+"""
+
+
+LAAS_RIVALS = (
+    'coulomb_friction', 'stribeck_friction', 'gravity_load', 'torque_ripple', 'load_torque_step',
+    'current_sensor_lag', 'periodic_load', 'quadratic_drag',
+)  # fmt: skip
+
+
+@pytest.fixture(scope='module')
+def laas_map(data_dir, tmp_path_factory) -> Diagnosis:
+    """Diagnose what holds a synchronous motor at each position: a turn forward, then back."""
+    config = tmp_path_factory.mktemp('laas') / 'map.yaml'
+    config.write_text(LAAS_MAP)
+    record = load(data_dir / 'laas_cogging' / 'standstill_map.csv.gz', config).records[0]
+    turn = int(np.argmax(record['position']))
+    both = [record.slice(0, turn), record.slice(turn, len(record))]
+    cogging = [one.key for one in effect('cogging_torque').repeated()]
+    return diagnose(both, motor='inverse_axis', effects=(*cogging, *LAAS_RIVALS))
+
+
+def test_laas_cogs_as_its_magnets_and_slots_tell(laas_map):
+    """24 magnets and 18 slots: 72 waves a turn, the slots', and half of the magnets'."""
+    assert laas_map.verdict is Verdict.EFFECT_MISSING
+    assert laas_map.steps[1].model.effects == ('cogging_torque',)
+    waves = [laas_map.model[f'{one.key}.n'] for one in effect('cogging_torque').repeated()]
+    assert waves == [72.0, 18.0, 12.0]
+    size = np.hypot(laas_map.model['cogging_torque.a_1'], laas_map.model['cogging_torque.b_1'])
+    assert size == pytest.approx(0.184, rel=0.05)
+    assert laas_map.model['coulomb_friction.tau_c'] == pytest.approx(0.053, rel=0.1)
+
+
+def test_laas_current_error_falls_more_than_fourfold(laas_map):
+    first, last = laas_map.steps[0], laas_map.steps[-1]
+    assert first.validation_error_percent > 6 * last.validation_error_percent

@@ -17,10 +17,10 @@ NOISE = Remainder({}, FLOOR, 1.05 * FLOOR, 1.05, 0.0)
 LEFT = Remainder({}, FLOOR, 4.0, 4.0, 0.9)
 
 
-def trial(key, delta_bic, *, note='', excess=1.0, inherits=False):
+def trial(key, delta_bic, *, note='', excess=1.0, inherits=False, gain=10.0):
     """Return the trial of an effect as it came out."""
     variant = SimpleNamespace(effect=effect(key), inherits=inherits)
-    return Trial(SimpleNamespace(variant=variant), None, delta_bic, 10.0, 1.0, note, excess)
+    return Trial(SimpleNamespace(variant=variant), None, delta_bic, gain, 1.0, note, excess)
 
 
 def rung(error_percent, unidentifiable=()):
@@ -113,6 +113,15 @@ def test_each_effect_is_measured_by_its_own_gain():
 def test_what_physics_forbids_casts_no_doubt():
     on_top = [trial('quadratic_drag', 900.0, note=UNPHYSICAL)]
     assert doubts(on_top, {'coulomb_friction': 1000.0}) == []
+
+
+def test_what_makes_the_held_out_error_larger_casts_no_doubt():
+    on_top = [trial('current_sensor_lag', 900.0, note='no use', gain=-5.0)]
+    assert doubts(on_top, {'coulomb_friction': 1000.0}) == []
+
+
+def test_a_further_set_of_waves_casts_no_doubt_on_the_first():
+    assert doubts([trial('cogging_torque_2', 900.0)], {'cogging_torque': 1000.0}) == []
 
 
 @pytest.mark.parametrize(

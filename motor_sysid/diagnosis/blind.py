@@ -91,9 +91,10 @@ def undetermined(model: Model, warnings: Sequence[str]) -> tuple[str, ...]:
 
 
 def _sensible(model: Model, key: str) -> bool:
-    return key not in model.effects and (
-        model.admits(catalogue()[key]) or 'i' not in model.kind.states
-    )
+    one = catalogue()[key]
+    return key not in model.effects and not one.after and (
+        model.admits(one) or 'i' not in model.kind.states
+    )  # fmt: skip
 
 
 def _from_checks(records: Sequence[Record]) -> Iterator[_Found]:

@@ -215,7 +215,7 @@ def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
                 if late else drive.inputs[:, j]
                 for j, name in enumerate(kind.arguments)
             }  # fmt: skip
-            states['turn'] = drive.dt * states['omega']
+            states['turn'] = drive.dt * (states if 'omega' in states else inputs)['omega']
             ended = {name: np.append(v[1:], v[-1]) for name, v in states.items()}
             paths.append(({**states, **inputs}, {**ended, **inputs}))
     return paths

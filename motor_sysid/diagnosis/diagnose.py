@@ -36,7 +36,7 @@ from motor_sysid.diagnosis.setup import (
     Bench,
     choose_kind,
     make_bench,
-    prepared,
+    prepared_parts,
     with_scales,
 )
 from motor_sysid.diagnosis.threshold import Threshold
@@ -123,7 +123,7 @@ def diagnose(
     tell = progress or (lambda text: None)
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
-    records, held = (prepared(part, wanted, known) for part in (train, validation))
+    records, held = prepared_parts(train, validation, wanted, known)
     _refuse(records, held)
     kind = choose_kind([*records, *held], wanted)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)

@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.setup import (
     choose_kind,
     make_bench,
     prepared,
+    prepared_parts,
     with_scales,
 )
 from motor_sysid.diagnosis.variants import variants
@@ -105,7 +106,7 @@ def _prepared(
 ) -> tuple[Bench, Model]:
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal
-    records, held = (prepared(part, wanted, known) for part in (train, validation))
+    records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
     bench = make_bench(records, held, kind, model, fraction, nominal)
     if model is None:

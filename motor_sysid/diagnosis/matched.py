@@ -38,6 +38,9 @@ HIGHEST = 0.4
 STANDS_OUT = 4.0
 """How much more than its neighbours a number of waves per turn must explain to be believed."""
 
+_LEAST_TURN = 0.95 * 2 * np.pi
+"""Angle (rad) that must have been turned: a map of one turn may end a step short of it."""
+
 _CYCLES = 1.5
 _NOISE_ORDER = 12
 _BESIDE = 12
@@ -71,12 +74,17 @@ class Matched:
         The fitted model and the data.
     near:
         Its residuals and derivatives, one for each scored stretch.
+    plain:
+        Whether the residual is taken as it is: a noise model of what is left whitens a wave, too,
+        that makes up most of it and comes at a steady pace.
     """
 
-    def __init__(self, problem: Problem, near: Sequence[Linearization]) -> None:
+    def __init__(
+        self, problem: Problem, near: Sequence[Linearization], *, plain: bool = False
+    ) -> None:
         self._problem = problem
         self._forces = [force.name for force in problem.model.kind.forces]
-        weighting = _noise(near)
+        weighting = white([one.residual for one in near]) if plain else _noise(near)
         pulses = _pulses(problem)
         self._power = _power(pulses, weighting)
         scored = scored_paths(problem, paths_of(problem))
@@ -124,7 +132,7 @@ class Matched:
                 path['theta'], path['turn'], carriers * stretch.pull, carriers**2, self._power,
                 total, energy,
             )  # fmt: skip
-        if turned < 2 * np.pi:
+        if turned < _LEAST_TURN:
             return np.zeros(TOP_ORDER + 1)
         gains: Array = np.abs(total) ** 2 / np.maximum(energy, 1e-300)
         return gains

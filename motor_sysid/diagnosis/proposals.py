@@ -28,8 +28,8 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-MOMENTS, FREQUENCIES = 2, 3
-"""How many of each are tried."""
+MOMENTS, FREQUENCIES, ORDERS = 2, 3, 4
+"""How many of each are tried; of orders one more, see `Matched`."""
 
 _GRID = 2000
 _APART = 0.05
@@ -73,14 +73,17 @@ def proposals(
     """
     model = problem.model
     matched = cache(lambda: Matched(problem, near))
+    plain = cache(lambda: Matched(problem, near, plain=True))
     found: dict[str, tuple[float, ...]] = {}
     lacks: dict[str, list[_Lack]] = {}
     for one in map(model.kind.taking, effects):
         card = one.card
-        if one.key in model.effects or not model.admits(one):
+        if not model.lacks(one):
             continue
         if card.orders:
-            found[one.key] = tuple(float(n) for n in matched().orders(one))
+            there = _waves(model, one)
+            orders = dict.fromkeys((*matched().orders(one, ORDERS), *plain().orders(one, 1)))
+            found[one.key] = tuple(float(n) for n in orders if not {n, 2 * n} & there)
         if not card.moment and not card.frequency:
             continue
         force = next(f.name for f in model.kind.forces if f.name in one.laws)
@@ -91,6 +94,13 @@ def proposals(
         else:
             found[one.key] = matched().frequencies(force, FREQUENCIES)
     return found
+
+
+def _waves(model: Model, one: Effect) -> set[int]:
+    """Return the waves per turn, with their doubles, that the model has by the same law."""
+    same = [key for key in model.effects if model.effect(key).source == one.source]
+    orders = {round(model[f'{key}.{one.card.orders}']) for key in same}
+    return orders | {2 * n for n in orders}
 
 
 def _lacks(model: Model, records: Sequence[Record], force: str) -> list[_Lack]:

@@ -24,6 +24,7 @@ from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.scales import Scales, scales_of
 from motor_sysid.signals.hall import with_hall_position
+from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -97,11 +98,27 @@ class Bench:
 def prepared(
     records: Sequence[Record], wanted: str | None, known: Mapping[str, float]
 ) -> list[Record]:
-    """Return uniform records; a motor that needs its position is given one from Hall sectors."""
+    """Return uniform records, with what the motor needs and other signals tell.
+
+    That is a position from Hall sectors, or speed and acceleration from the position.
+    """
     even = [record.uniform() for record in records]
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
+    if wanted and any('acceleration' in names for names in motor(wanted).inputs):
+        even = with_motion(even)
     return even
+
+
+def prepared_parts(
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    wanted: str | None,
+    known: Mapping[str, float],
+) -> tuple[list[Record], list[Record]]:
+    """Return training and validation records prepared alike; see `prepared`."""
+    both = prepared([*train, *validation], wanted, known)
+    return both[: len(train)], both[len(train) :]
 
 
 def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
@@ -115,6 +132,8 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
     order = [wanted] if wanted else list(motors())
     if wanted == 'brushed_dc' and not all('current' in r for r in records):
         order = ['brushed_dc', 'brushed_dc_reduced']
+    if wanted == 'pmsm' and not all('current_d' in r for r in records):
+        order = ['pmsm', 'pmsm_q']
     for key in order:
         kind = motor(key)
         drivable = all(

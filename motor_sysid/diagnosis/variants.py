@@ -47,7 +47,7 @@ def variants(
     """
     frozen = model.with_free([p.name for p in model.parameters.free], free=False)
     for one in map(model.kind.taking, effects):
-        if one.key in model.effects or not model.admits(one):
+        if not model.lacks(one):
             continue
         if any(one.key in effect(key).card.generalises for key in model.effects):
             continue

@@ -22,6 +22,10 @@ LEFT_OVER = 0.2
 """Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
 is there leaves little to others, and a wrong neighbour of it leaves much."""
 
+HARMS = -1.0
+"""Fall of the held-out error, %, below which what is tried on top of an effect explains nothing,
+whatever its evidence: laws that are a little wrong leave traces in the noise that others fit."""
+
 NEARLY_ALL = 0.95
 """Share of the squared error beyond sensor noise above which the only effect is not doubted."""
 
@@ -85,7 +89,7 @@ def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
     gains:
         Gain in BIC of each of the model's effects when it was added.
     """
-    possible = [t for t in trials if t.note != UNPHYSICAL]
+    possible = [t for t in trials if t.note != UNPHYSICAL and t.gain_percent > HARMS]
     return [
         key
         for key, gain in gains.items()
@@ -93,6 +97,7 @@ def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
             t.delta_bic > LEFT_OVER * gain
             and t.key not in effect(key).card.generalises
             and key not in t.scored.variant.effect.card.generalises
+            and t.scored.variant.effect.after != key
             for t in possible
         )
     ]

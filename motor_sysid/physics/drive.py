@@ -58,6 +58,8 @@ class Drive:
         elif follow_position and 'speed' in record:
             position = np.cumsum(record['speed']) * record.dt
         columns = np.ascontiguousarray(np.column_stack([record[name] for name in names]))
+        if kind.prompt:
+            columns = np.concatenate((columns[1:], columns[-1:]))
         speed = top_speed(record) if kind.wave else 0.0
         return cls(columns, record.dt, float(record.time[0]), position, speed)
 

@@ -184,6 +184,8 @@ class Card:
     moment, frequency:
         Name of the shape that is a time (s) or a frequency (Hz), if the data are to be searched
         for it.
+    repeats:
+        How many times a model may hold it, each time with shapes of its own.
     covers:
         Motor parameter that does the same; where a fit may change that, nothing is missing.
     linear:
@@ -212,6 +214,7 @@ class Card:
     carrier: str = ''
     moment: str = ''
     frequency: str = ''
+    repeats: int = 1
     covers: str = ''
     linear: bool = False
     hidden_by: tuple[str, ...] = ()
@@ -232,6 +235,8 @@ class Effect:
         Name of the equation to its law.
     rates:
         Own state to its rate law.
+    after:
+        Key of the effect that a model must have before this one is looked for, or empty.
     """
 
     key: str
@@ -239,6 +244,16 @@ class Effect:
     laws: dict[str, Law]
     rates: dict[str, Law]
     source: str
+    after: str = ''
+
+    def repeated(self) -> 'tuple[Effect, ...]':
+        """Return the effect, and beside it each further time that a model may hold it."""
+        found = [self]
+        for number in range(2, self.card.repeats + 1):
+            card = replace(self.card, title=f'{self.card.title}, set {number}')
+            key = f'{self.key}_{number}'
+            found.append(replace(self, key=key, card=card, after=found[-1].key))
+        return tuple(found)
 
     def within(self, frame: str, targets: Iterable[str]) -> 'Effect':
         """Return the effect with the laws that a motor of that frame and those equations takes.

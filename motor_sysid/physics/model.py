@@ -143,15 +143,22 @@ class Model:
         """Whether the effect makes sense for this motor: it asks for nothing that is not there.
 
         Counts differenced over a sample have no offset and no wrong scale, though they may be
-        filtered, and a linear axis has no angle.
+        filtered, a linear axis has no angle, and some motors have no brushes.
         """
         one = self.kind.taking(one)
         if not one.laws and not one.card.delay:
+            return False
+        if one.key in self.kind.foreign or not {*one.card.begins.values()} <= {*self.kind.states}:
             return False
         counted = self.speed_sensor is SpeedSensor.DIFFERENCE
         if counted and 'speed_sensor' in one.laws and not one.card.states:
             return False
         return not one.needs() - self.kind.names() and not (self.linear and one.card.rotary)
+
+    def lacks(self, one: Effect) -> bool:
+        """Whether the effect may be looked for: it is not there, makes sense, and is due."""
+        due = not one.after or one.after in self.effects
+        return due and one.key not in self.effects and self.admits(one)
 
     def without_effect(self, key: str) -> 'Model':
         """Return the model with one effect less."""

@@ -74,7 +74,8 @@ def _size(records: Sequence[Record], name: str, frame: str) -> float:
         c = _joined(records, f'{name}_c') if name == 'voltage' else -a - b
         star = (a + b + c) / 3
         return math.sqrt(2) * _rms(np.concatenate([a - star, b - star, c - star]))
-    return _rms(_joined(records, name))
+    shown = next((n for n in (name, f'{name}_q') if n in records[0]), name)
+    return _rms(_joined(records, shown))
 
 
 def _joined(records: Sequence[Record], name: str) -> np.ndarray:

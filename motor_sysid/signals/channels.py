@@ -31,6 +31,7 @@ CHANNELS = (
     Channel('current', ('A',), Role.MEASURED),
     Channel('speed', ('rad/s', 'm/s'), Role.MEASURED),
     Channel('position', ('rad', 'm'), Role.MEASURED),
+    Channel('acceleration', ('rad/s^2', 'm/s^2'), Role.MEASURED),
     Channel('torque', ('N m',), Role.INPUT),
     Channel('force', ('N',), Role.INPUT),
     Channel('temperature', ('degC',), Role.MEASURED),

@@ -56,10 +56,9 @@ _GROUP = 'motor_sysid.effects'
 @cache
 def catalogue() -> dict[str, Effect]:
     """Return every known effect by key: built-in ones, then those of installed packages."""
-    found = {name: load_effect(name, import_module(f'{__name__}.{name}')) for name in _FILES}
-    for entry in entry_points(group=_GROUP):
-        found[entry.name] = load_effect(entry.name, entry.load())
-    return found
+    found = [load_effect(name, import_module(f'{__name__}.{name}')) for name in _FILES]
+    found += [load_effect(entry.name, entry.load()) for entry in entry_points(group=_GROUP)]
+    return {each.key: each for one in found for each in one.repeated()}
 
 
 def effect(key: str) -> Effect:

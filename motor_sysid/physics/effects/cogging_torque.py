@@ -1,4 +1,9 @@
-"""Cogging: magnets that prefer the slots, several waves per turn."""
+"""Cogging: magnets that prefer the slots, several waves per turn.
+
+The waves of an ideal machine are as many as the least common multiple of slots and poles.  Magnets
+that are not alike add waves as many as the slots, slots that are not alike as many as the poles;
+so a real one has several sets of waves.  (Gasparin et al., IEEE Trans. Magn. 45 (2009) 1210.)
+"""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
 from motor_sysid.physics.laws import cos, sin, step_share
@@ -22,6 +27,7 @@ CARD = Card(
     axis='position',
     rotary=True,
     orders='n',
+    repeats=3,
     hidden_by=('short_travel',),
 )
 

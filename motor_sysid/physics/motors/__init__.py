@@ -6,7 +6,9 @@ from importlib import import_module
 from motor_sysid.errors import UserError
 from motor_sysid.physics.motors.base import Motor
 
-_FILES = ('brushed_dc', 'pmsm', 'bldc', 'brushed_dc_reduced', 'mechanical_axis')
+_FILES = (
+    'brushed_dc', 'pmsm', 'bldc', 'pmsm_q', 'brushed_dc_reduced', 'mechanical_axis', 'inverse_axis'
+)  # fmt: skip
 
 
 @cache

@@ -148,6 +148,11 @@ class Motor:
         are taken from.  By default the core itself.
     shown:
         Parameters that only its sensors' own laws read, and linearly: offsets.
+    prompt:
+        Whether its outputs follow the input at once: what acts over a sample is then the input at
+        its end.
+    foreign:
+        Effects that it cannot have, though its equations would take them.
     wave:
         Parameter that counts the electrical turns in one turn of the shaft, or empty.
     """
@@ -170,6 +175,8 @@ class Motor:
     typical: Callable[[Values], Matrices] | None = None
     shown: tuple[str, ...] = ()
     wave: str = ''
+    prompt: bool = False
+    foreign: tuple[str, ...] = ()
 
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""
