@@ -7,8 +7,12 @@ import shutil
 import tempfile
 from typing import TYPE_CHECKING
 
-import hypothesis
-import pytest
+from motor_sysid.threads import use_one
+
+use_one()  # before anything imports numpy, and for every program that a test starts
+
+import hypothesis  # noqa: E402
+import pytest  # noqa: E402
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

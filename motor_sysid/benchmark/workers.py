@@ -6,15 +6,15 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
-import os
 import signal
 import time
 from typing import Generic, TypeVar
 
+from motor_sysid.threads import use_one
+
 Task = TypeVar('Task')
 Answer = TypeVar('Answer')
 
-_THREADS = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')
 _START = 120.0
 """Time that a worker may take to import everything, s."""
 
@@ -59,8 +59,7 @@ def each(
     warm_up:
         Called once in each worker before its first task, outside the time limit.
     """
-    for name in _THREADS:  # read by the libraries of the processes that are started below
-        os.environ.setdefault(name, '1')
+    use_one()  # in the processes that are started below
     left = deque(tasks)
     team: list[_Worker[Task]] = []
     try:

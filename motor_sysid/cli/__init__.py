@@ -11,6 +11,7 @@ from typing import cast, Protocol
 from motor_sysid import __doc__ as PURPOSE
 from motor_sysid import __version__
 from motor_sysid.errors import UserError
+from motor_sysid.threads import use_one
 
 VERBS = (
     'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'calibrate', 'add', 'suggest',
@@ -39,6 +40,7 @@ class Verb(Protocol):
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
+    use_one()
     arguments = sys.argv[1:] if argv is None else list(argv)
     try:
         args = _parser(arguments).parse_args(arguments)
