@@ -1,7 +1,9 @@
 """`motor-sysid fit`: fit a model to recordings."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from motor_sysid.cli.common import (
     add_data_arguments,
@@ -11,6 +13,12 @@ from motor_sysid.cli.common import (
     write_json,
 )
 from motor_sysid.errors import UserError
+
+if TYPE_CHECKING:
+    from motor_sysid.diagnosis.rung import Rung
+    from motor_sysid.estimation.batch import Transfer
+    from motor_sysid.physics.model import Model
+    from motor_sysid.signals.record import Record
 
 HELP = 'fit the parameters of a model to recordings'
 
@@ -29,31 +37,33 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='how to fit: svf, iv, huber, prediction_error, pso, ... (docs/estimation.md; '
         'default: %(default)s of the output error)',
     )  # fmt: skip
+    parser.add_argument(
+        '--prior', action='append', default=[], type=Path, metavar='MODEL',
+        help='model (YAML) of a sister motor that a short record is weighed with; may be given '
+        'several times (docs/transfer.md)',
+    )  # fmt: skip
+    parser.add_argument(
+        '--spread', nargs='+', default=[], metavar='SPREAD',
+        help='how far motors of this type differ, with --prior: 0.1 for 10 %% (the default) in '
+        'all parameters, b=0.5 for one of them',
+    )  # fmt: skip
     parser.add_argument('-o', '--out', type=Path, metavar='MODEL', help='write the model (YAML)')
     add_effect_file_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print parameters and errors, write what was asked for."""
-    from motor_sysid.diagnosis.fitting import fit_model
-    from motor_sysid.physics.datasheet import load_datasheet
-    from motor_sysid.physics.store import load_model, save_model
+    from motor_sysid.physics.store import save_model
 
     load_effect_files(args.effect_file)
-    sheet = load_datasheet(args.nominal) if args.nominal else None
-    if args.model and args.motor:
-        raise UserError('--model names the motor already; leave --motor out')
-    rung = fit_model(
-        load_data(args.data, args.msg_config),
-        load_data(args.validate, args.msg_config),
-        model=load_model(args.model) if args.model else None,
-        motor=args.motor or (sheet.motor if sheet else None),
-        nominal=sheet.nominal if sheet else {},
-        effects=args.effect,
-        method=args.method,
-        validation_fraction=args.hold_back,
-    )
-    print('\n'.join(rung_lines(rung.model, rung.result.reason)))
+    train = load_data(args.data, args.msg_config)
+    held = load_data(args.validate, args.msg_config)
+    if args.prior:
+        rung, found = _transferred(args, train, held)
+    else:
+        rung, found = _fitted(args, train, held), None
+    for line in (*rung_lines(rung.model, rung.result.reason), *_share_lines(found)):
+        print(line)
     print(
         f'error: {rung.training.error_percent:.3g} % on what was fitted, '
         f'{rung.validation.error_percent:.3g} % held out'
@@ -63,15 +73,89 @@ def run(args: argparse.Namespace) -> int:
     if args.out:
         save_model(rung.model, args.out)
         print(f'model: {args.out}')
-    write_json(_document(rung), args.json)
+    write_json({**_document(rung), **_prior_document(found)}, args.json)
     return 0
 
 
-def rung_lines(model: 'object', reason: str) -> list[str]:
-    """Return a table of the parameters."""
-    from motor_sysid.physics.model import Model
+def _fitted(
+    args: argparse.Namespace, train: 'list[Record]', held: 'list[Record]'
+) -> 'Rung':
+    from motor_sysid.diagnosis.fitting import fit_model
+    from motor_sysid.physics.datasheet import load_datasheet
+    from motor_sysid.physics.store import load_model
 
-    assert isinstance(model, Model)
+    if args.spread:
+        raise UserError('--spread says how far sisters differ; name one of them with --prior')
+    if args.model and args.motor:
+        raise UserError('--model names the motor already; leave --motor out')
+    sheet = load_datasheet(args.nominal) if args.nominal else None
+    return fit_model(
+        train,
+        held,
+        model=load_model(args.model) if args.model else None,
+        motor=args.motor or (sheet.motor if sheet else None),
+        nominal=sheet.nominal if sheet else {},
+        effects=args.effect,
+        method=args.method,
+        validation_fraction=args.hold_back,
+    )
+
+
+def _transferred(
+    args: argparse.Namespace, train: 'list[Record]', held: 'list[Record]'
+) -> 'tuple[Rung, Transfer]':
+    from dataclasses import replace
+
+    from motor_sysid.diagnosis.fitting import transfer_model
+    from motor_sysid.physics.store import load_model
+
+    if args.model or args.motor or args.nominal or args.effect or args.method != 'least_squares':
+        raise UserError(
+            '--prior names motor and effects, and is a least-squares fit; leave out --model, '
+            '--motor, --nominal, --effect and --method'
+        )
+    spread, spreads = _spreads(args.spread)
+    rung, found = transfer_model(
+        train,
+        held,
+        sisters=[load_model(path) for path in args.prior],
+        spread=spread,
+        spreads=spreads,
+        validation_fraction=args.hold_back,
+    )
+    names = ', '.join(path.name for path in args.prior)
+    model = rung.model.with_provenance(prior=names)
+    return replace(rung, result=replace(rung.result, model=model)), found
+
+
+def _spreads(texts: Sequence[str]) -> tuple[float, dict[str, float]]:
+    """Return the spread of all parameters and those of single ones."""
+    from motor_sysid.estimation.batch.sisters import SPREAD
+    from motor_sysid.nodes.hidden import parse_assignments
+
+    spread = SPREAD
+    for text in (t for t in texts if '=' not in t):
+        try:
+            spread = float(text)
+        except ValueError:
+            raise UserError(f'--spread {text} is no number; give 0.1, or b=0.5') from None
+    return spread, parse_assignments([t for t in texts if '=' in t])
+
+
+def _share_lines(found: 'Transfer | None') -> list[str]:
+    """Return a table of what came from the data."""
+    if found is None:
+        return []
+    lines = ['from the data, the rest from the prior:']
+    for one in found.shares:
+        prior = f'{one.prior:.6g} ± {one.prior_sigma:.2g}' if one.data < 1 else 'none'
+        lines.append(f'  {one.name:<34}{100 * one.data:>13.0f} %  (prior {prior})')
+    agree = 'contradict each other' if found.contradicted else 'agree'
+    return [*lines, f'data and prior {agree} (p = {found.p_value:.2g})']
+
+
+def rung_lines(model: 'Model', reason: str) -> list[str]:
+    """Return a table of the parameters."""
     lines = [f'{model.kind.title}: {" + ".join(["linear", *model.effects])} ({reason})']
     for p in model.parameters:
         spread = f'± {p.sigma:.2g}' if p.sigma is not None else '(fixed)' if not p.free else ''
@@ -79,12 +163,32 @@ def rung_lines(model: 'object', reason: str) -> list[str]:
     return lines
 
 
-def _document(rung: 'object') -> dict[str, object]:
+def _prior_document(found: 'Transfer | None') -> dict[str, object]:
+    from motor_sysid.diagnosis.plain import number
+
+    if found is None:
+        return {}
+    shares = {
+        one.name: {
+            'unit': one.unit,
+            'prior': number(one.prior),
+            'prior_sigma': number(one.prior_sigma),
+            'data_share': one.data,
+            'p_value': number(one.p_value),
+        }
+        for one in found.shares
+    }
+    return {
+        'prior': {
+            'p_value': found.p_value, 'contradicted': list(found.contradicted), 'shares': shares,
+        }
+    }  # fmt: skip
+
+
+def _document(rung: 'Rung') -> dict[str, object]:
     from motor_sysid.diagnosis.document import model_parameters
     from motor_sysid.diagnosis.plain import number
-    from motor_sysid.diagnosis.rung import Rung
 
-    assert isinstance(rung, Rung)
     told = rung.result.information
     return {
         'schema': 'motor_sysid/fit/1',

@@ -19,7 +19,16 @@ from motor_sysid.diagnosis.setup import (
 )
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import make_chain, observed_outputs, refit
+from motor_sysid.estimation.batch import (
+    believed,
+    make_chain,
+    observed_outputs,
+    Problem,
+    refit,
+    Transfer,
+    transfer,
+)
+from motor_sysid.estimation.batch.sisters import SPREAD
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -54,6 +63,30 @@ def fit_model(
         return rung
     stretches = [s for chain in bench.train_free for s in chain if s.scored]
     return judge(refit(rung.model, [s.record for s in stretches], method), bench)
+
+
+def transfer_model(
+    train: Sequence[Record],
+    validation: Sequence[Record] = (),
+    *,
+    sisters: Sequence[Model],
+    spread: float = SPREAD,
+    spreads: Mapping[str, float] | None = None,
+    validation_fraction: float = 0.2,
+) -> tuple[Rung, Transfer]:
+    """Fit a motor of which little is recorded, with the models of its sisters as prior.
+
+    See `motor_sysid.estimation.batch.sisters.believed` for what sisters and spreads say.
+
+    Returns
+    -------
+    The fit with its errors, and what came from the data and what from the prior.
+    """
+    model, prior = believed(sisters, spread, spreads)
+    bench, model = _prepared(train, validation, model, None, {}, validation_fraction)
+    problem = Problem(model, bench.train, bench.outputs, substeps=bench.substeps, prior=prior)
+    found = transfer(problem)
+    return judge(found.result, bench), found
 
 
 def compare_model(

@@ -4,13 +4,17 @@ from motor_sysid.estimation.batch.chains import Chain, make_chain, observed_outp
 from motor_sysid.estimation.batch.least_squares import fit, fit_and_slopes
 from motor_sysid.estimation.batch.multistart import fit_multistart, misfit
 from motor_sysid.estimation.batch.optimizers import OPTIMIZERS, pareto, search
+from motor_sysid.estimation.batch.prior import Prior
 from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.refit import METHODS, refit
 from motor_sysid.estimation.batch.result import FitResult
+from motor_sysid.estimation.batch.sisters import believed
+from motor_sysid.estimation.batch.transfer import Transfer, transfer
 from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 
 __all__ = [
-    'METHODS', 'OPTIMIZERS', 'Chain', 'FitResult', 'Linearization', 'Problem', 'Weighting',
-    'coloured', 'fit', 'fit_and_slopes', 'fit_multistart', 'make_chain', 'misfit',
-    'observed_outputs', 'pareto', 'refit', 'search', 'thinned', 'white',
+    'METHODS', 'OPTIMIZERS', 'Chain', 'FitResult', 'Linearization', 'Prior', 'Problem',
+    'Transfer', 'Weighting', 'believed', 'coloured', 'fit', 'fit_and_slopes', 'fit_multistart',
+    'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search', 'thinned',
+    'transfer', 'white',
 ]  # fmt: skip

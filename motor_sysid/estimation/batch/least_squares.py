@@ -149,7 +149,7 @@ def minimize(
     if not near:
         near = problem.linearize(z)
         simulations += each
-    gradient, curvature, cost = normal_equations(near, weighting)
+    gradient, curvature, cost = posed(problem, z, near, weighting)
     for iteration in range(1, iterations + 1):
         trials, most = _trials(z, gradient, curvature, lower, upper, problem.reach())
         if not most >= tolerance * cost:
@@ -157,7 +157,7 @@ def minimize(
         best, enough = 0, False
         if trusted:
             ahead = problem.linearize(trials[0])
-            equations = normal_equations(ahead, weighting)
+            equations = posed(problem, trials[best], ahead, weighting)
             simulations += each
             promise = _promise(trials[0] - z, gradient, curvature)
             enough = promise > 0 and equations[2] < cost - ENOUGH * promise
@@ -171,7 +171,7 @@ def minimize(
                 )
         if best > 0 or not trusted:
             ahead = problem.linearize(trials[best])
-            equations = normal_equations(ahead, weighting)
+            equations = posed(problem, trials[best], ahead, weighting)
             simulations += each
         trusted = best == 0
         gain = (cost - equations[2]) / cost if np.isfinite(cost) else 1.0
@@ -184,6 +184,18 @@ def minimize(
 def _promise(step: Array, gradient: Array, curvature: Array) -> float:
     """Return the decrease of the sum of squares that the linearization promises for a step."""
     return float(2 * step @ gradient - step @ curvature @ step)
+
+
+def posed(
+    problem: Problem, z: Array, near: Sequence[Linearization], weighting: Weighting
+) -> tuple[Array, Array, float]:
+    """Return the normal equations of data and prior together."""
+    gradient, curvature, cost = normal_equations(near, weighting)
+    if problem.prior is None:
+        return gradient, curvature, cost
+    gradient = gradient + problem.precision @ (problem.believed - z)
+    surprise = float(problem.surprise(z[np.newaxis])[0])
+    return gradient, curvature + problem.precision, cost + surprise
 
 
 def normal_equations(

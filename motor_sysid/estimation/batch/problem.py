@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.chains import Chain
+from motor_sysid.estimation.batch.prior import Prior
 from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.model import Model
@@ -55,6 +56,8 @@ class Problem:
         Integration steps per sample.
     threads:
         Blocks of 32 simulations that may run at the same time.
+    prior:
+        What is believed of the parameters; its weighted square is added to every cost.
 
     Notes
     -----
@@ -71,6 +74,7 @@ class Problem:
         *,
         substeps: int = 1,
         threads: int = 2,
+        prior: Prior | None = None,
     ) -> None:
         self.model, self.chains, self.outputs = model, tuple(chains), tuple(outputs)
         self.substeps, self.threads = substeps, threads
@@ -80,6 +84,9 @@ class Problem:
         self.dimension = len(self.free)
         self.stretches = [s for chain in self.chains for s in chain if s.scored]
         self._open = sorted({j for s in self.stretches for j in s.open_states})
+        self.prior = prior
+        nothing = Prior((), np.empty(0), np.empty((0, 0)))
+        self.believed, self.precision = (prior or nothing).placed(self.free, self.size)
 
     def vector(self) -> Array:
         """Return z of the model as it is."""
@@ -195,11 +202,18 @@ class Problem:
 
         `at` is a linearization near by, whose initial-state directions are used.
         """
-        total = np.zeros(len(z))
+        total = self.surprise(z)
         for stretch, near, run in zip(self.stretches, at, self.simulate(z), strict=True):
             with np.errstate(over='ignore', invalid='ignore'):
                 total += _costs(stretch.judged, run, near.start, weighting)
         return np.where(np.isfinite(total), total, np.inf)
+
+    def surprise(self, z: Array) -> Array:
+        """Return (P,) weighted squares of the distance of (P, d) vectors from the prior."""
+        if self.prior is None:
+            return np.zeros(len(z))
+        away = z - self.believed
+        return np.asarray(np.einsum('pi,ij,pj->p', away, self.precision, away))
 
     def residuals(self, z: Array, weighting: Weighting) -> list[Array]:
         """Return for each scored stretch (N, n_y) measured minus simulated, best initial state."""

@@ -39,16 +39,33 @@ class Spread:
     information: Information
 
 
-def describe(
-    problem: Problem, z: Array, weighting: Weighting, near: Sequence[Linearization]
-) -> Spread:
-    """Return the spread at a solution.
+@dataclass(frozen=True)
+class Scores:
+    """What the data say at one vector, without any prior.
 
-    The covariance is ``H^-1 S H^-1`` with ``S`` the sum over time blocks of the outer product of
-    each block's score: it holds for errors that are correlated over less than a block.
-    (White 1980; Liang and Zeger 1986, doi:10.1093/biomet/73.1.13.)
+    Attributes
+    ----------
+    curvature:
+        (d, d) sum of squared sensitivities, weighed.
+    blocks:
+        (K, d) score (gradient of half the negative cost) of each block of time.
     """
-    curvature, scores = np.zeros((z.size, z.size)), []
+
+    curvature: Array
+    blocks: Array
+
+    @property
+    def covariance(self) -> Array:
+        """(d, d) covariance of the score, from how it differs between blocks."""
+        count, size = self.blocks.shape
+        spread: Array = self.blocks.T @ self.blocks * count / max(count - size, 1)
+        return spread
+
+
+def scores_of(near: Sequence[Linearization], weighting: Weighting) -> Scores:
+    """Return what the data say at the vector of a linearization."""
+    size = near[0].slope.shape[2]
+    curvature, scores = np.zeros((size, size)), []
     total = sum(len(one.residual) for one in near)
     for one in near:
         both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
@@ -57,6 +74,21 @@ def describe(
         curvature += flat.T @ flat
         pieces = max(round(BLOCKS * len(one.residual) / total), 1)
         scores += [part.sum(axis=0) for part in np.array_split(flat * error, pieces)]
+    return Scores(curvature, np.array(scores))
+
+
+def describe(
+    problem: Problem, z: Array, weighting: Weighting, near: Sequence[Linearization]
+) -> Spread:
+    """Return the spread at a solution.
+
+    The covariance is ``H^-1 S H^-1`` with ``S`` the sum over time blocks of the outer product of
+    each block's score: it holds for errors that are correlated over less than a block.
+    (White 1980; Liang and Zeger 1986, doi:10.1093/biomet/73.1.13.)  A prior of precision ``P``
+    adds ``P`` to ``H`` and to ``S``.
+    """
+    found = scores_of(near, weighting)
+    curvature, scores = found.curvature + problem.precision, found.blocks
     names, slope = [p.name for p in problem.free], problem.slope(z)
     if not np.all(np.isfinite(scores)):
         nothing = np.full(z.size, np.inf)
@@ -65,9 +97,12 @@ def describe(
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     scaled = curvature / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
-    pushed = np.array(scores) / size @ inverse / size
+    pushed = scores / size @ inverse / size
     count = len(scores)
     covariance = pushed.T @ pushed * count / max(count - z.size, 1)
+    if problem.prior is not None:
+        whole = inverse / np.outer(size, size)
+        covariance = covariance + whole @ problem.precision @ whole
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     unseen = np.diag(curvature) <= 1e-12 * np.max(np.diag(curvature))
     sigma[unseen] = np.inf
