@@ -75,7 +75,7 @@ def test_errors_are_as_large_as_their_sigmas_and_data_take_over():
 @pytest.mark.parametrize(
     ('runs', 'drive'),
     [(40, steps), pytest.param(200, steps, marks=pytest.mark.slow),
-     pytest.param(200, lazy, marks=pytest.mark.slow)],
+     pytest.param(80, lazy, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_a_motor_that_obeys_the_prior_contradicts_it_as_often_as_stated(runs, drive):
     alpha, false = 0.05, 0
