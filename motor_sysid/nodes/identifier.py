@@ -14,6 +14,7 @@ from std_srvs.srv import Trigger
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.stream import Event
+from motor_sysid.nodes.condition import ConditionWatch
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.health import Health
@@ -77,6 +78,7 @@ class IdentifierNode(LoopNode):
         self.period = s.drain_period
         self._configuration = s.configuration()
         self._configuration.warm_up()
+        self._condition = ConditionWatch(s)
         self._next: Configuration | None = None
         self._prepared: Preparation | None = None
         self._show_effects()
@@ -184,6 +186,7 @@ class IdentifierNode(LoopNode):
         self._estimate.publish(event.stamp, estimate_statuses(event))
 
     def _ask_for_work(self, event: Event) -> None:
+        self._condition.note(event)
         if self._pipeline is not None:
             target = self._next or self._configuration
             self._work.note(event, self._pipeline, target, self.settings.value)
@@ -210,6 +213,7 @@ class IdentifierNode(LoopNode):
         fitted = self._work.fitted
         statuses = self._health.statuses(fitted.noise if fitted else {})
         statuses.append(diagnosis_summary(self._work.diagnosis, self._work.diagnosing))
+        statuses += self._condition.statuses()
         self._diagnostics.publish(now_ns(self.get_clock()), statuses)
 
     def _publish_model(self, stamp: int) -> None:

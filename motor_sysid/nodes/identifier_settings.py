@@ -82,6 +82,17 @@ class IdentifierSettings:
         0.01, 'False-alarm rate of a diagnosis, where a calibration of the motor is stored.', '',
         1e-4, 0.5, live=True,
     )  # fmt: skip
+    watch_period: float = parameter(
+        0.0, 'Compare the estimates with the model_file after this much sample time, for '
+        'alarms on /diagnostics; 0 for never.', 's', 0, 1e5,
+    )  # fmt: skip
+    watch_alpha: float = parameter(
+        0.01, 'Chance of any false alarm, however long the motor is watched.', '', 1e-9, 0.5
+    )
+    watch_scatter: float = parameter(
+        0.02, 'Relative standard deviation by which parameters of a good motor differ from day '
+        'to day.', '', 0, 1,
+    )  # fmt: skip
     window_samples: int = parameter(
         30_000, 'Samples kept for refits and diagnoses; more than that are never looked at.', '',
         100, 10**7,
