@@ -10,7 +10,7 @@ from motor_sysid.benchmark import diagnosis, workers
 from motor_sysid.benchmark.diagnosis import one, run, Task
 from motor_sysid.benchmark.outcome import Outcome, Result
 from motor_sysid.benchmark.scenarios import case_name, schedule
-from motor_sysid.benchmark.store import merged, read_results, ResultsFile
+from motor_sysid.benchmark.store import merged, ResultsFile
 from motor_sysid.errors import UserError
 
 
@@ -38,7 +38,7 @@ def test_results_survive_the_file(tmp_path: Path):
     with ResultsFile(path, 3) as file:
         for each in written:
             file.add(each)
-    assert list(read_results(path)[1].values()) == written
+    assert list(ResultsFile.read(path)[1].values()) == written
     with ResultsFile(path, 3) as file:
         assert list(file.results.values()) == written
     assert merged([path])[1] == written
@@ -53,7 +53,7 @@ def test_a_line_that_was_cut_off_is_run_again(tmp_path: Path):
     with ResultsFile(path, 0) as file:
         assert [r.case for r in file.results.values()] == [result(number=1).case]
         file.add(result(number=3))
-    assert len(read_results(path)[1]) == 2
+    assert len(ResultsFile.read(path)[1]) == 2
 
 
 def test_a_file_of_another_seed_or_program_is_refused(tmp_path: Path):
@@ -66,7 +66,7 @@ def test_a_file_of_another_seed_or_program_is_refused(tmp_path: Path):
     with pytest.raises(UserError, match=r'another program.*--fresh'):
         ResultsFile(path, 0)
     ResultsFile(path, 0, fresh=True).__exit__(None, None, None)
-    assert read_results(path)[1] == {}
+    assert ResultsFile.read(path)[1] == {}
 
 
 @pytest.mark.parametrize('content', ['', 'nonsense\n', '{"schema": "other"}\n', '[1]\n'])
@@ -74,7 +74,7 @@ def test_what_is_no_results_file_is_named(tmp_path: Path, content: str):
     path = tmp_path / 'other.jsonl'
     path.write_text(content)
     with pytest.raises(UserError, match=r'other\.jsonl is no results file'):
-        read_results(path)
+        ResultsFile.read(path)
 
 
 def test_a_stopped_benchmark_runs_only_what_is_left(

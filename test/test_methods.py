@@ -12,10 +12,12 @@ from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.cli import main
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import refit
+from motor_sysid.estimation.batch import make_chain, Problem, refit
 from motor_sysid.estimation.batch.methods import DIRECT
+from motor_sysid.estimation.batch.methods.characteristic_points import begun
 from motor_sysid.estimation.batch.methods.reference import noise_free_input
-from motor_sysid.physics.model import Model
+from motor_sysid.estimation.batch.methods.sampled import Core
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.store import save_model
 
 DT = 1e-3
@@ -23,7 +25,7 @@ TRUE = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5}
 PLANT = Plant(2.1, 2.4e-3, 0.046, 2.6e-5, 1.3e-5)
 OFFSET = 0.015
 WELL_SEEN = ('R', 'k_t', 'J')
-APART = ('ls', 'delay_profiled', 'frequency_response')
+APART = ('ls', 'delay_profiled', 'frequency_response', 'characteristic_points')
 """Methods with tests of their own."""
 
 
@@ -154,6 +156,76 @@ def test_a_delay_is_found_without_a_start():
         assert off(found, name) < 0.01
     with pytest.raises(UserError, match='add the effect `input_delay`'):
         refit(start(), data, 'delay_profiled')
+
+
+@pytest.mark.parametrize('factor', [0.15, 6.0])
+def test_steiglitz_mcbride_need_no_start_and_end_where_the_output_error_does(factor):
+    """Five times the noise, which draws plain least squares tens of percent off."""
+    data = bench(closed=True, noise=5.0)
+    found = refit(start(factor), data, 'steiglitz_mcbride')
+    best = refit(start(), data, 'least_squares').model
+    assert 'settled within' in found.reason
+    for name in (*WELL_SEEN, 'L'):
+        p = found.model.parameters[name]
+        assert abs(p.value - TRUE[name]) < 4 * p.sigma
+        assert abs(p.value - best[name]) < 0.3 * p.sigma
+        assert p.sigma == pytest.approx(best.parameters[name].sigma, rel=0.5)
+
+
+def test_steiglitz_mcbride_on_an_encoder_and_without_a_current():
+    rng = np.random.default_rng(5)
+    truth = run(PLANT, Control(9 * random_steps(DT * np.arange(4000), 0.026, rng)), DT)
+    data = measure(truth, Sensors(4096, 0.0, 0.02, 1e-4, OFFSET), DT, rng)
+    values = {name: 1.5 * value for name, value in TRUE.items()}
+    late = Model.base('brushed_dc', values, speed_sensor=SpeedSensor.DIFFERENCE)
+    found = refit(late, data, 'steiglitz_mcbride').model
+    assert max(off(found, name) for name in WELL_SEEN) < 0.01
+    reduced = Model.base('brushed_dc_reduced', {'k_v': 0.1, 'k_a': 1e-3})
+    alone = refit(reduced, bench().select(['voltage', 'speed']), 'steiglitz_mcbride').model
+    scale = TRUE['R'] / TRUE['k_t']
+    assert alone['k_v'] == pytest.approx(TRUE['k_t'] + TRUE['b'] * scale, rel=0.01)
+    assert alone['k_a'] == pytest.approx(TRUE['J'] * scale, rel=0.06)  # L is in it
+
+
+def test_linear_methods_refuse_what_is_not():
+    data, pmsm = bench(rows=600), Model.base('pmsm', {})
+    with pytest.raises(UserError, match='leave out coulomb_friction'):
+        refit(start().with_effect('coulomb_friction'), data, 'steiglitz_mcbride')
+    for method in ('steiglitz_mcbride', 'characteristic_points'):
+        with pytest.raises(UserError, match=f'`{method}` is for motors whose equations are'):
+            Core.of(pmsm, method)
+        with pytest.raises(UserError, match='one sample time'):
+            refit(start(), [data, data.uniform(2 * DT)], method)
+
+
+@pytest.mark.parametrize('factor', [0.1, 8.0])
+def test_characteristic_points_are_a_start_that_depends_on_no_start(factor):
+    """Limits: three times what five times the noise does to the points."""
+    data = bench(noise=2.0)
+    model = start(factor)
+    chain = make_chain(data, model.kind, ('current', 'speed'))
+    read = begun(Problem(model, [chain], ('current', 'speed'))).model
+    assert max(off(read, name) for name in WELL_SEEN) < 0.03
+    assert off(read, 'L') < 0.15
+    rough = refit(model, data, 'cpm_gwo', polish=False).model
+    assert max(off(rough, name) for name in WELL_SEEN) < 0.15
+    for method in ('characteristic_points', 'cpm_gwo'):
+        found = refit(model, data, method)
+        assert found.success
+        assert max(off(found.model, name) for name in WELL_SEEN) < 0.01
+
+
+def test_characteristic_points_leave_friction_to_the_fit_and_ask_for_steps():
+    rng = np.random.default_rng(4)
+    plant = PLANT._replace(tau_plus=8e-3, tau_minus=8e-3)
+    truth = run(plant, Control(9 * random_steps(DT * np.arange(5000), 0.026, rng)), DT)
+    data = measure(truth, Sensors(0, 0.3, 0.01, 1e-4, OFFSET), DT, rng)
+    model = start(4.0).with_effect('coulomb_friction')
+    found = refit(model, data, 'characteristic_points').model
+    assert found['coulomb_friction.tau_c'] == pytest.approx(8e-3, rel=0.03)
+    assert off(found, 'J') < 0.01
+    with pytest.raises(UserError, match='record steps that last five time constants'):
+        refit(start(), bench(closed=True), 'characteristic_points')
 
 
 def test_on_the_command_line(tmp_path, capsys):

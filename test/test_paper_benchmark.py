@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from motor_sysid.benchmark import workers
 from motor_sysid.benchmark.paper import motor, truth
 from motor_sysid.benchmark.paper.fitting import profiled, recommended, told_by
 from motor_sysid.benchmark.paper.gates import efficient_p95, gates
@@ -16,10 +17,13 @@ from motor_sysid.benchmark.paper.report import as_dict, Results, tables
 from motor_sysid.benchmark.paper.runs import ANYWHERE, one, somewhere, Task
 from motor_sysid.benchmark.paper.stability import stability
 from motor_sysid.benchmark.paper.statements import statements
+from motor_sysid.benchmark.paper.store import Done, PaperFile
 from motor_sysid.benchmark.paper.studies import CALM, OUTSIDE, PRINTED, READINGS, record
 from motor_sysid.benchmark.paper.studies import OPEN as OPEN_LOOP
-from motor_sysid.benchmark.paper.suite import describe, page, plan, work
+from motor_sysid.benchmark.paper.suite import describe, page, plan, run, work
+from motor_sysid.benchmark.store import ResultsFile
 from motor_sysid.cli import main
+from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.optimizers import OPTIMIZERS
 
 
@@ -100,17 +104,17 @@ def test_starts_need_no_knowledge():
 
 @pytest.mark.parametrize('method', METHODS)
 def test_every_method_keeps_its_budget(method):
-    (run,) = one(Task('R1', method, 3, 1))
+    (found,) = one(Task('R1', method, 3, 1))
     searches = method not in ('ls', 'best')
-    assert run.simulations <= 1500 + (600 if 'polished' in method or 'wide' in method else 0) + (
+    assert found.simulations <= 1500 + (600 if 'polished' in method or 'wide' in method else 0) + (
         0 if searches else 2000
     )
-    assert run.itae < 3.0
+    assert found.itae < 3.0
     if method.endswith('polished') or method in ('best', 'wide', 'wide_pso'):
-        assert run.itae < 1e-6
-        assert run.worst < 1e-3
+        assert found.itae < 1e-6
+        assert found.worst < 1e-3
     again = one(Task('R1', method, 3, 1))[0]
-    assert again.errors == run.errors
+    assert again.errors == found.errors
 
 
 def test_the_printed_bats_flee():
@@ -136,9 +140,9 @@ def test_what_is_printed_is_copied_right():
 
 
 def test_the_motor_is_fitted_to_its_noise():
-    run = motor.fitted(40, 0)
-    assert run.worst < 2.0
-    assert max(abs(s) for s in run.scores) < 4.0
+    found = motor.fitted(40, 0)
+    assert found.worst < 2.0
+    assert max(abs(s) for s in found.scores) < 4.0
 
 
 @pytest.fixture(scope='module')
@@ -191,8 +195,55 @@ def test_the_plan_covers_what_is_asked():
 
 
 def test_options_of_the_other_benchmark_are_refused(capsys):
-    assert main(['benchmark', 'paper', '--fresh']) == 2
-    assert '--fresh is for `benchmark diagnosis`' in capsys.readouterr().err
+    assert main(['benchmark', 'paper', '--seed', '3']) == 2
+    assert '--seed is for `benchmark diagnosis`' in capsys.readouterr().err
+
+
+def test_runs_survive_the_file(tmp_path, results):
+    path, kinds = tmp_path / 'runs.jsonl', (results.runs[:2], results.motors, results.hidden)
+    done = [Done(f'task {k}', tuple(runs)) for k, runs in enumerate(kinds)]
+    with PaperFile(path) as file:
+        for each in done:
+            file.add(each)
+    assert list(PaperFile.read(path)[1].values()) == done
+    with pytest.raises(UserError, match=r'runs\.jsonl is no results file'):
+        ResultsFile(path, 0)
+
+
+def test_a_stopped_benchmark_runs_only_what_is_left(tmp_path, monkeypatch):
+    asked, told = [], []
+    tasks = [Task('R1', method, 0, 1) for method in ('ls', 'best', 'pso')]
+
+    def each(left, do, **options):
+        for task in left:
+            if len(asked) == 2:
+                asked.append('interrupted')
+                raise KeyboardInterrupt
+            asked.append(task.method)
+            yield task, workers.Lost('its process died', 1.0) if asked == ['ls'] else do(task)
+
+    monkeypatch.setattr(workers, 'each', each)
+    path = tmp_path / 'paper.jsonl'
+    with pytest.raises(KeyboardInterrupt), PaperFile(path) as file:
+        run(tasks, file)
+    with PaperFile(path) as file:
+        found = run(tasks, file, progress=lambda *said: told.append(said))
+    assert asked == ['ls', 'best', 'interrupted', 'ls', 'pso']
+    assert told == [('R1: ls', 2, 3), ('R1: pso', 3, 3)]
+    assert sorted(r.method for r in found.runs) == ['best', 'ls', 'pso']
+
+
+def test_a_task_that_is_lost_costs_no_other(tmp_path, monkeypatch):
+    def each(left, do, **options):
+        for k, task in enumerate(left):
+            yield task, do(task) if k else workers.Lost('stopped after 900 s', 900.0)
+
+    monkeypatch.setattr(workers, 'each', each)
+    tasks = [Task('R1', method, 0, 1) for method in ('ls', 'best')]
+    with PaperFile(tmp_path / 'paper.jsonl') as file:
+        with pytest.raises(UserError, match=r'1 of 2 tasks .* \(R1: ls: stopped after 900 s\)'):
+            run(tasks, file)
+        assert list(file.results) == ['R1/best/0/1']
 
 
 @pytest.mark.slow
@@ -206,7 +257,7 @@ def test_the_command_line_runs_it(tmp_path):
 
 def test_no_hidden_torque_is_no_reason_to_add_one():
     """An effect that a fit has no use for leaves no parameter behind; that is no fault."""
-    run = motor.hidden(0.0, 5)
-    assert not run.flagged
-    assert run.found < 0.01
-    assert 0.9 < run.chi2 < 1.1
+    said = motor.hidden(0.0, 5)
+    assert not said.flagged
+    assert said.found < 0.01
+    assert 0.9 < said.chi2 < 1.1

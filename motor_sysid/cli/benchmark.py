@@ -31,8 +31,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--quick', action='store_true',
         help=f'{QUICK} cases (some minutes) in place of {FULL}, kept only with --results; of '
-        '`paper` a part with 3 seeds (half a minute) in place of 30; of `estimators` one motor '
-        'for 3 s in place of two for 6 s',
+        '`paper` a part with 3 seeds (half a minute) in place of 30, kept likewise; of '
+        '`estimators` one motor for 3 s in place of two for 6 s',
     )  # fmt: skip
     parser.add_argument(
         '--runs', type=int, metavar='N', help='number of cases, of seeds, or of motors'
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--results', type=Path, metavar='FILE',
         help='where each case is kept as soon as it is done; a benchmark that was stopped goes on '
-        'from there (default: benchmark.jsonl)',
+        'from there (default: benchmark.jsonl, of `paper` paper_benchmark.jsonl)',
     )  # fmt: skip
     parser.add_argument(
         '--fresh', action='store_true', help='start the results file anew, whatever it holds'
@@ -120,7 +120,8 @@ def _cases(args: argparse.Namespace) -> int:
 
 
 def _measured(args: argparse.Namespace) -> 'tuple[str, list[Result]]':
-    from motor_sysid.benchmark.store import ResultsFile, state_of_program
+    from motor_sysid.benchmark.lines import state_of_program
+    from motor_sysid.benchmark.store import ResultsFile
 
     state = state_of_program()
     if args.quick and not args.results:

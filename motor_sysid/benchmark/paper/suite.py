@@ -1,6 +1,6 @@
 """The whole benchmark, in parallel."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from motor_sysid.benchmark import workers
@@ -10,7 +10,9 @@ from motor_sysid.benchmark.paper.charts import charts, STYLE
 from motor_sysid.benchmark.paper.motor import HiddenRun, MotorRun
 from motor_sysid.benchmark.paper.report import Results, tables
 from motor_sysid.benchmark.paper.runs import Run, Task
+from motor_sysid.benchmark.paper.store import AnyRun, Done, PaperFile
 from motor_sysid.benchmark.paper.studies import NOISE
+from motor_sysid.errors import UserError
 
 TITLE = 'The benchmark of Wee and Ahmad 2025, done again'
 LIMIT = 900.0
@@ -39,7 +41,6 @@ class HiddenTask:
 
 
 AnyTask = Task | MotorTask | HiddenTask
-AnyRun = Run | MotorRun | HiddenRun
 
 
 def plan(seeds: int, *, quick: bool = False) -> list[AnyTask]:
@@ -68,18 +69,30 @@ def describe(task: AnyTask) -> str:
     return f'hidden torque {task.tau_c:g} N m'
 
 
+def name_of(task: AnyTask) -> str:
+    """Return what tells a task from all others."""
+    if isinstance(task, Task):
+        return f'{task.study}/{task.method}/{task.first}/{task.count}'
+    if isinstance(task, MotorTask):
+        return f'motor/{task.decibel}/{task.count}'
+    return f'hidden/{task.tau_c:g}/{task.seed}'
+
+
 def run(
     tasks: list[AnyTask],
+    file: PaperFile,
     *,
     processes: int = 1,
     progress: Callable[[str, int, int], None] | None = None,
 ) -> Results:
-    """Run tasks.
+    """Run tasks; those that the file holds already are not run again.
 
     Parameters
     ----------
     tasks:
         Of `plan`.
+    file:
+        Where the runs of each task are kept.
     processes:
         Worker processes; results but for the times do not depend on it.
     progress:
@@ -87,17 +100,30 @@ def run(
 
     Raises
     ------
-    RuntimeError
-        If a task has no answer.
+    UserError
+        At the end, if a task has no answer; the others are kept.
     """
-    found: list[AnyRun] = []
-    done = workers.each(tasks, work, workers=processes, limit=LIMIT, warm_up=runs.warm_up)
-    for number, (task, answer) in enumerate(done, 1):
+    left = [task for task in tasks if name_of(task) not in file.results]
+    kept, lost = len(tasks) - len(left), list[str]()
+    answers = workers.each(left, work, workers=processes, limit=LIMIT, warm_up=runs.warm_up)
+    for done, (task, answer) in enumerate(answers, kept + 1):
         if isinstance(answer, workers.Lost):
-            raise RuntimeError(f'{describe(task)}: {answer.reason}')
-        found += answer
+            lost.append(f'{describe(task)}: {answer.reason}')
+        else:
+            file.add(Done(name_of(task), answer))
         if progress:
-            progress(describe(task), number, len(tasks))
+            progress(describe(task), done, len(tasks))
+    if lost:
+        raise UserError(
+            f'{len(lost)} of {len(tasks)} tasks have no answer ({"; ".join(lost)}); the others '
+            'are kept with --results, and the same command tries these again'
+        )
+    return gathered([file.results[name_of(task)] for task in tasks])
+
+
+def gathered(done: Iterable[Done]) -> Results:
+    """Return what tasks gave, in an order that does not depend on theirs."""
+    found = [run for one in done for run in one.runs]
     return Results(
         sorted((r for r in found if isinstance(r, Run)),
                key=lambda r: (r.study, r.method, r.seed)),

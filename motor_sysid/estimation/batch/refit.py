@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.chains import make_chain, observed_outputs
 from motor_sysid.estimation.batch.least_squares import fit, result_at, Solution
-from motor_sysid.estimation.batch.methods import DIRECT
+from motor_sysid.estimation.batch.methods import DIRECT, STARTED
 from motor_sysid.estimation.batch.optimizers import Found, OPTIMIZERS, search
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
@@ -26,10 +26,10 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
-METHODS = (*OPTIMIZERS, *DIRECT)
+METHODS = (*OPTIMIZERS, *STARTED, *DIRECT)
 """What `refit` can do."""
 
-_FACTOR = 8.0
+_FACTOR, _NEAR = 8.0, 2.0
 _AMPLITUDE = 2.0
 _OFFSET = 0.5
 _GAP = 10.5
@@ -50,7 +50,8 @@ def refit(
     """Fit a model's free parameters to records, from anywhere in a box around its values.
 
     The box of a positive parameter reaches from an eighth to eight times its value, that of an
-    amplitude to twice its scale in the data; neither leaves the parameter's own box.
+    amplitude to twice its scale in the data; neither leaves the parameter's own box.  A hybrid
+    with a start of its own searches from half to twice what that says.
 
     Parameters
     ----------
@@ -59,7 +60,7 @@ def refit(
     records:
         Data; they are cut where samples are missing.
     method:
-        Key of `OPTIMIZERS` (docs/optimizers.md) or of `DIRECT` (docs/estimation.md).
+        Key of `OPTIMIZERS` (docs/optimizers.md), `STARTED` or `DIRECT` (docs/estimation.md).
     population, iterations, seed:
         Of the optimizer; the product of the first two is the largest number of its simulations.
     polish:
@@ -83,9 +84,13 @@ def refit(
         raise UserError('the model has no free parameter; free one with `Model.with_free`')
     if method in DIRECT:
         return DIRECT[method](problem)
+    factor = _FACTOR
+    if method in STARTED:
+        method, begun = STARTED[method]
+        problem, factor = begun(problem), _NEAR
     weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     rng = np.random.default_rng(seed)
-    found = _searched(problem, weighting, pieces, method, population, iterations, rng)
+    found = _searched(problem, weighting, pieces, method, factor, population, iterations, rng)
     effort = found.evaluations
     if polish:
         result = fit(problem, start=found.x)
@@ -113,6 +118,7 @@ def _searched(
     weighting: Weighting,
     records: Sequence[Record],
     method: str,
+    factor: float,
     population: int,
     iterations: int,
     rng: np.random.Generator,
@@ -120,7 +126,8 @@ def _searched(
     """Return what an optimizer finds in the box around the problem's own vector."""
     start = problem.vector()
     lower, upper = _box(
-        problem, scales_of(problem.model.motor, problem.model.parameters.values(), records)
+        problem, scales_of(problem.model.motor, problem.model.parameters.values(), records),
+        factor,
     )
     near = problem.linearize(start, parameters=False)
     return search(
@@ -147,13 +154,13 @@ def _walls(problem: Problem, found: Found) -> list[str]:
     ]
 
 
-def _box(problem: Problem, scales: Scales) -> tuple[Array, Array]:
+def _box(problem: Problem, scales: Scales, factor: float) -> tuple[Array, Array]:
     """Return the box of the search around the problem's own vector."""
     model, z = problem.model, problem.vector()
     reach = _reaches(model, scales)
     way = np.array(
         [
-            np.log(_FACTOR) if p.logarithmic else reach.get(p.name, abs(p.value)) / size
+            np.log(factor) if p.logarithmic else reach.get(p.name, abs(p.value)) / size
             for p, size in zip(problem.free, problem.size, strict=True)
         ]
     )

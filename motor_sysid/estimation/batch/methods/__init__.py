@@ -5,6 +5,7 @@ from functools import partial
 
 from motor_sysid.estimation.batch.least_squares import fit as fit_output_error
 from motor_sysid.estimation.batch.methods import (
+    characteristic_points,
     delay_profiled,
     frequency_response,
     gls,
@@ -12,6 +13,7 @@ from motor_sysid.estimation.batch.methods import (
     ls,
     prediction_error,
     robust,
+    steiglitz_mcbride,
     svf,
     tls,
     two_stage,
@@ -26,6 +28,8 @@ DIRECT: dict[str, Callable[[Problem], FitResult]] = {
     **{name: partial(robust.fit, loss=loss) for name, loss in robust.LOSSES.items()},
     'delay_profiled': delay_profiled.fit,
     'frequency_response': frequency_response.fit,
+    'characteristic_points': characteristic_points.fit,
+    'steiglitz_mcbride': steiglitz_mcbride.fit,
     'ls': ls.fit,
     'svf': svf.fit,
     'gls': gls.fit,
@@ -33,3 +37,8 @@ DIRECT: dict[str, Callable[[Problem], FitResult]] = {
     'iv': iv.fit,
 }
 """Every way by its key: from a problem to a result."""
+
+STARTED: dict[str, tuple[str, Callable[[Problem], Problem]]] = {
+    'cpm_gwo': ('gwo', characteristic_points.begun),
+}
+"""Hybrids by key: the optimizer, and what gives it a start that is near."""
