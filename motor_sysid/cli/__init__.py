@@ -14,8 +14,8 @@ from motor_sysid.errors import UserError
 from motor_sysid.threads import use_one
 
 VERBS = (
-    'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'calibrate', 'add', 'suggest',
-    'monitor', 'replay', 'record', 'report', 'benchmark',
+    'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'calibrate', 'add', 'learn',
+    'suggest', 'monitor', 'replay', 'record', 'report', 'benchmark',
 )  # fmt: skip
 """Every verb, in the order of the help; each is a module of this package."""
 

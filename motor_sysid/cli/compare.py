@@ -41,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     """Compare and print."""
     from motor_sysid.diagnosis.document import SCHEMA, where_document
     from motor_sysid.diagnosis.fitting import compare_model
+    from motor_sysid.diagnosis.learn import beyond_range
     from motor_sysid.diagnosis.plain import number
     from motor_sysid.physics.store import load_model
 
@@ -63,6 +64,8 @@ def run(args: argparse.Namespace) -> int:
             f'between {one.bins[worst]:.3g} and {one.bins[worst + 1]:.3g} {one.unit}, '
             f'in {100 * one.time_share[worst]:.0f} % of the time'
         )
+    for note in beyond_range(model, records):
+        print(f'note: {note}')
     document: dict[str, object] = {
         'schema': SCHEMA.replace('diagnosis', 'comparison'),
         'error_percent': comparison.error_percent,

@@ -54,7 +54,7 @@ def fit_model(
     -------
     The fit, with its free-running errors on the training and held-out data.
     """
-    bench, model = _prepared(train, validation, model, motor, nominal or {}, validation_fraction)
+    bench, model = bench_of(train, validation, model, motor, nominal or {}, validation_fraction)
     rung = climb(model, bench)
     for key in effects:
         if key not in rung.model.effects:
@@ -83,7 +83,7 @@ def transfer_model(
     The fit with its errors, and what came from the data and what from the prior.
     """
     model, prior = believed(sisters, spread, spreads)
-    bench, model = _prepared(train, validation, model, None, {}, validation_fraction)
+    bench, model = bench_of(train, validation, model, None, {}, validation_fraction)
     problem = Problem(model, bench.train, bench.outputs, substeps=bench.substeps, prior=prior)
     found = transfer(problem)
     return judge(found.result, bench), found
@@ -122,14 +122,14 @@ def add_effect(
     """
     tell = progress or (lambda text: None)
     model.with_effect(key)
-    bench, model = _prepared(train, validation, model, None, {}, validation_fraction)
+    bench, model = bench_of(train, validation, model, None, {}, validation_fraction)
     tell('fitting the model as it is')
     before = climb(model, bench)
     tell(f'adding {effect(key).card.title}')
     return before, _tried(before, key, bench)
 
 
-def _prepared(
+def bench_of(
     train: Sequence[Record],
     validation: Sequence[Record],
     model: Model | None,
@@ -137,6 +137,7 @@ def _prepared(
     nominal: Mapping[str, float],
     fraction: float,
 ) -> tuple[Bench, Model]:
+    """Return the data, prepared, and the model: the given one, or a fitted linear one."""
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal
     records, held = prepared_parts(train, validation, wanted, known)

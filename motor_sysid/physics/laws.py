@@ -4,7 +4,7 @@ They compile into vectorized loops (libm calls would not) and give the same valu
 from plain Python with numbers or arrays.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import ParamSpec
 
 from numba.extending import register_jitable
@@ -149,3 +149,29 @@ def third_phase(x: float, y: float) -> float:
 def amplitude(a: float, b: float) -> float:
     """Return the amplitude of three currents of sum zero, two of which are given."""
     return np.sqrt((4.0 / 3.0) * (a * a + a * b + b * b))  # type: ignore[no-any-return]
+
+
+KNOTS = (0.0, 0.01, 0.04, 0.1, 0.18, 0.26, 0.34, 0.42, 0.52, 0.64, 0.76, 0.88, 1.0)
+"""Where the values of a `table` lie on either side of zero, as shares of its range there.
+
+They are dense near zero, where friction bends.
+"""
+
+
+@law_function
+def table(
+    x: float, back: float, ahead: float, fade: float, minus: Sequence[float],
+    plus: Sequence[float],
+) -> float:  # fmt: skip
+    """Straight lines between values at `KNOTS`, on the side of `plus` up to `ahead`, else `back`.
+
+    Beyond, the outermost value is held, and fades to zero over the distance `fade`.
+    """
+    seen = clip(x, -back, ahead)
+    right, left = seen / ahead, -seen / back
+    total = plus[0]
+    for k in range(12):
+        start, width = KNOTS[k], KNOTS[k + 1] - KNOTS[k]
+        total = total + (plus[k + 1] - plus[k]) * clip((right - start) / width, 0.0, 1.0)
+        total = total + (minus[k + 1] - minus[k]) * clip((left - start) / width, 0.0, 1.0)
+    return total * np.maximum(1.0 - np.abs(x - seen) / fade, 0.0)  # type: ignore[no-any-return]

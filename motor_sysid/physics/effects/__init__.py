@@ -50,6 +50,16 @@ _FILES = (
     'speed_sensor_offset',
 )
 
+LEARNED = (
+    'learned_torque_speed',
+    'learned_torque_current',
+    'learned_torque_position',
+    'learned_voltage_current',
+    'learned_voltage_speed',
+)
+"""Laws without a shape of their own, which `motor-sysid learn` fills with data.  They are no part
+of the catalogue: they would explain anything, so no diagnosis tries them."""
+
 _GROUP = 'motor_sysid.effects'
 
 
@@ -61,14 +71,21 @@ def catalogue() -> dict[str, Effect]:
     return {each.key: each for one in found for each in one.repeated()}
 
 
+@cache
+def _learned() -> dict[str, Effect]:
+    return {name: load_effect(name, import_module(f'{__name__}.{name}')) for name in LEARNED}
+
+
 def effect(key: str) -> Effect:
-    """Return an effect.
+    """Return an effect of the catalogue, or a learned one.
 
     Raises
     ------
     UserError
         If there is none of that key.
     """
+    if key in LEARNED:
+        return _learned()[key]
     try:
         return catalogue()[key]
     except KeyError:

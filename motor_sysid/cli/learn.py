@@ -1,0 +1,91 @@
+"""`motor-sysid learn`: give a model a law from data for what no known effect explains."""
+
+import argparse
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from motor_sysid.cli.common import (
+    add_data_arguments,
+    add_effect_file_argument,
+    load_data,
+    load_effect_files,
+    progress,
+    write_json,
+)
+from motor_sysid.errors import UserError
+
+if TYPE_CHECKING:
+    from motor_sysid.diagnosis.learn import Learned
+
+HELP = 'where the diagnosis finds an unknown effect: learn its law, and keep it if it predicts'
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    add_data_arguments(parser, validate=True)
+    parser.add_argument('--model', type=Path, metavar='MODEL', help='model (YAML) to start from')
+    parser.add_argument('--motor', metavar='KIND', help='motor kind; default: what the data allow')
+    parser.add_argument(
+        '--nominal', type=Path, metavar='DATASHEET', help='data sheet (YAML) with nominal values'
+    )
+    parser.add_argument(
+        '--beyond', choices=('hold', 'zero'), default='hold',
+        help='what the law is beyond the range of the data (default: %(default)s)',
+    )  # fmt: skip
+    parser.add_argument(
+        '-o', '--out', type=Path, metavar='MODEL',
+        help='write the model (YAML); not written where the law is refused',
+    )  # fmt: skip
+    add_effect_file_argument(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, learn, say what came of it."""
+    from motor_sysid.cli.fit import rung_lines
+    from motor_sysid.diagnosis import Settings
+    from motor_sysid.diagnosis.learn import learn
+    from motor_sysid.physics.datasheet import load_datasheet
+    from motor_sysid.physics.store import load_model, save_model
+
+    load_effect_files(args.effect_file)
+    if args.model and args.motor:
+        raise UserError('--model names the motor already; leave --motor out')
+    sheet = load_datasheet(args.nominal) if args.nominal else None
+    found = learn(
+        load_data(args.data, args.msg_config),
+        load_data(args.validate, args.msg_config),
+        motor=args.motor or (sheet.motor if sheet else None),
+        model=load_model(args.model) if args.model else None,
+        nominal=sheet.nominal if sheet else None,
+        hold=args.beyond == 'hold',
+        settings=Settings(validation_fraction=args.hold_back),
+        progress=progress(),
+    )
+    if found.unknown is not None:
+        print(found.unknown.words)
+    if found.model is not None and found.after is not None:
+        print('\n'.join(rung_lines(found.model, found.after.result.reason)))
+    print(found.reason)
+    if args.out and found.model is not None:
+        save_model(found.model, args.out)
+        print(f'model: {args.out}')
+    write_json(_document(found), args.json)
+    return 0
+
+
+def _document(found: 'Learned') -> dict[str, object]:
+    from motor_sysid.diagnosis.document import model_parameters
+
+    errors = [
+        rung.validation.error_percent for rung in (found.before, found.after) if rung is not None
+    ]
+    return {
+        'schema': 'motor_sysid/learn/1',
+        'verdict': found.diagnosis.verdict.value if found.diagnosis else '',
+        'learned': found.model is not None,
+        'reason': found.reason,
+        'axis': found.unknown.axis if found.unknown else '',
+        'equation': found.unknown.equation if found.unknown else '',
+        'validation_error_percent': errors,
+        'parameters': model_parameters(found.model) if found.model else {},
+    }

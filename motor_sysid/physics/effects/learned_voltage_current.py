@@ -1,0 +1,28 @@
+"""A voltage over current that was learned from data: what no effect of the catalogue explains."""
+
+from motor_sysid.physics.effect import Card, Enters, Scale
+from motor_sysid.physics.laws import table
+from motor_sysid.physics.learned import limits, values
+
+CARD = Card(
+    title='learned voltage over current',
+    equation='v = straight lines between values at knots of current',
+    symptom='The unexplained voltage is a function of current of no shape that is known.',
+    reference='de Boor, A Practical Guide to Splines, 2001, chapter 3',
+    enters=Enters.ELECTRICAL,
+    amplitudes=values('V', Scale.VOLTAGE),
+    shapes=limits('A', Scale.CURRENT),
+    axis='current',
+)
+
+
+def voltage(
+    i: float, back: float, ahead: float, fade: float, m_12: float, m_11: float, m_10: float,
+    m_9: float, m_8: float, m_7: float, m_6: float, m_5: float, m_4: float, m_3: float, m_2:
+    float, m_1: float, p_0: float, p_1: float, p_2: float, p_3: float, p_4: float, p_5: float,
+    p_6: float, p_7: float, p_8: float, p_9: float, p_10: float, p_11: float, p_12: float,
+) -> float:  # fmt: skip
+    """Voltage in V."""
+    minus = (p_0, m_1, m_2, m_3, m_4, m_5, m_6, m_7, m_8, m_9, m_10, m_11, m_12)
+    plus = (p_0, p_1, p_2, p_3, p_4, p_5, p_6, p_7, p_8, p_9, p_10, p_11, p_12)
+    return table(i, back, ahead, fade, minus, plus)
