@@ -3,6 +3,9 @@
 Sensor noise and random loads cannot be predicted from the input; missing physics can.  So a
 general regression from the simulated motion to the residual is fitted on the training data and
 judged on the held-out data: the share of the remaining error that it predicts there is structure.
+
+In a closed loop the controller answers to random loads, too, so that the input predicts them:
+there the motion counts as far as the reference leads it.
 """
 
 from collections.abc import Sequence
@@ -11,15 +14,18 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
+from motor_sysid.estimation.batch.methods.reference import led_by_reference
 from motor_sysid.signals.noise import noise_sigma
 
 Array = NDArray[np.float64]
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
+_TAUS = (8.0, 30.0, 120.0)
 _TAPS, _TAP_WIDTH = 120, 4
 _RIDGE, _STRONG_RIDGE = 1e-4, 0.1
 _FOLDS = 12
@@ -173,17 +179,21 @@ def _regression(
         simulated = (measured - residual) / scale
         drive = stretch.drive.inputs[stretch.scored_from :]
         drive = drive / (np.sqrt(np.mean(drive**2)) + 1e-300)
-        channels = np.concatenate((drive, simulated), axis=1)
+        motion = np.concatenate((drive, simulated), axis=1)
+        channels = led_by_reference(stretch.record, motion, stretch.scored_from)
+        moved = channels[:, drive.shape[1] :]
         shaped = np.concatenate(
             (
                 channels,
-                np.tanh(20 * simulated),
-                simulated * np.abs(simulated),
+                np.tanh(20 * moved),
+                moved * np.abs(moved),
+                np.abs(moved) * np.tanh(20 * moved[:, ::-1]),
                 _waves(stretch, len(channels), orders),
             ),
             axis=1,
         )
         lagged = [shaped[longest - lag : len(shaped) - lag : stride] for lag in _LAGS]
+        lagged += [_slowed(shaped, tau)[longest::stride] for tau in _TAUS]
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
         mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
         ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
@@ -195,6 +205,13 @@ def _regression(
     if not rows:
         return np.empty((0, 1)), np.empty((0, comparison.residuals[0].shape[1]))
     return np.concatenate(rows), np.concatenate(targets)
+
+
+def _slowed(values: Array, tau: float) -> Array:
+    """Return (N, f) values behind a first-order lag of `tau` samples, as a rotor would be."""
+    keep = np.exp(-1.0 / tau)
+    slow: Array = lfilter([1 - keep], [1, -keep], values, axis=0, zi=keep * values[:1])[0]
+    return slow
 
 
 def _waves(stretch: Stretch, count: int, orders: Sequence[int]) -> Array:

@@ -1,6 +1,6 @@
 """A fitted model, and what is asked of it."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,11 +30,17 @@ BRIEF, FULL = 1e-5, 1e-7
 """Promised relative decrease of the sum of squares at which a fit of a trial ends, and any other.
 """
 
-FINER = (2, 4)
-"""Integration steps per sample where one is not enough."""
+FINER = 4
+"""Most integration steps per sample, where one is not enough."""
 
-FINEST = (4, 8)
+FINEST = 8
 """The same for the last fit, whose parameters are told."""
+
+MOVE = 0.25
+"""Move of a parameter that is worth no finer steps, in standard errors."""
+
+UNDERRATED = 2.0
+"""Error of an integration over what twice the steps change, for an error of first order."""
 
 ROUNDING = 0.1
 """Error of the integration, as a share of what is left, that is not worth finer steps."""
@@ -128,51 +134,62 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
     return Rung(result, training, free, held, tuple(near), substeps)
 
 
-def refined(
-    rung: Rung,
-    bench: Bench,
-    finer: Sequence[int] = FINER,
-    rounding: float = ROUNDING,
-    *,
-    briefly: bool = False,
-) -> tuple[Rung, Bench]:
+def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     """Check the integration of a fitted model, and refit with finer steps where it matters.
 
     Integration error would count as missing physics; it may be a tenth of the remaining error.
     """
+    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+        changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
+        return bool(np.all(changed <= ROUNDING**2 * size))
+
+    return _with_steps(rung, bench, FINER, small)
+
+
+def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+    """Fit the last model with steps so fine that they hardly move a parameter.
+
+    How far they would is told by the derivatives: a change of the outputs moves the parameters as
+    far as it lies along them.
+    """
+    near, weighting = slopes(rung, bench), rung.result.weighting
+    free = bench.problem(rung.model).free
+    sigma = np.array([p.sigma if p.sigma else np.inf for p in free])
+    sigma /= np.abs(bench.problem(rung.model).slope(bench.problem(rung.model).vector()))
+
+    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+        moved = [replace(one, residual=c) for one, c in zip(near, changes, strict=True)]
+        move = newton_step(*normal_equations(moved, weighting)[:2])
+        return bool(np.all(np.abs(move) <= MOVE * sigma))
+
+    last, bench = _with_steps(rung, bench, FINEST, small, briefly=True)
+    model = with_honest_moments(bench.problem(last.model), last.result.weighting)
+    return replace(last, result=replace(last.result, model=model)), bench
+
+
+def _with_steps(
+    rung: Rung,
+    bench: Bench,
+    most: int,
+    small: Callable[[Sequence[Array], Sequence[Array]], bool],
+    *,
+    briefly: bool = False,
+) -> tuple[Rung, Bench]:
+    """Refit with so many steps that twice as many make a small change of the outputs only."""
     solved = all(effect(key).card.linear for key in rung.model.effects)
-    if bench.substeps >= finer[-1] or solved:
+    if bench.substeps >= most or solved:
         return rung, bench
-    runs = {
-        steps: np.concatenate(
-            compare(rung.model, bench.train_free, bench.outputs, substeps=steps).residuals
-        )
-        for steps in finer
-        if steps > bench.substeps
-    }
-    left = np.concatenate(rung.training.residuals)
-    size, finest = np.sqrt(np.mean(left**2, axis=0)), runs[finer[-1]]
-    steps = next(
-        steps
-        for steps, run in ((bench.substeps, left), *runs.items())
-        if np.all(np.sqrt(np.mean((finest - run) ** 2, axis=0)) <= rounding * size)
-    )
+    outputs, steps = bench.outputs, bench.substeps
+    now = left = compare(rung.model, bench.train, outputs, substeps=steps).residuals
+    while steps < most:
+        finer = compare(rung.model, bench.train, outputs, substeps=2 * steps).residuals
+        if small([UNDERRATED * (a - b) for a, b in zip(finer, now, strict=True)], left):
+            break
+        steps, now = 2 * steps, finer
     if steps == bench.substeps:
         return rung, bench
     fine = replace(bench, substeps=steps)
     return climb(rung.model, fine, rung.result.weighting, briefly=briefly), fine
-
-
-def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
-    """Fit the last model with steps so fine that they move no parameter by its standard error.
-
-    The worst that a change of the residual can do is to lie along one parameter: then its sum of
-    squares, in units of the noise, is the square of the move in standard errors.
-    """
-    rows = sum(part.size for part in rung.training.residuals)
-    last, bench = refined(rung, bench, FINEST, 1.0 / np.sqrt(rows), briefly=True)
-    model = with_honest_moments(bench.problem(last.model), last.result.weighting)
-    return replace(last, result=replace(last.result, model=model)), bench
 
 
 def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
@@ -183,14 +200,19 @@ def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
     return problem.linearize(problem.vector())
 
 
+def newton_step(gradient: Array, curvature: Array) -> Array:
+    """Return the undamped step to the minimum; along what the data do not see, none."""
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
+    return np.asarray(step / scale)
+
+
 def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float, int]:
     """Return the whitened sum of squares at the nearest minimum, and the number of rows."""
     near = slopes(rung, bench)
     gradient, curvature, cost = normal_equations(near, weighting)
-    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
     rows = sum(one.residual.size for one in near)
-    return cost - float(step @ (gradient / scale)), rows
+    return cost - float(newton_step(gradient, curvature) @ gradient), rows
 
 
 def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:

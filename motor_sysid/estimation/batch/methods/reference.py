@@ -35,17 +35,29 @@ def noise_free_input(record: Record, kind: Motor) -> Record:
     UserError
         If it has no reference.
     """
-    names = [n for n in REFERENCES if n in record and np.ptp(record[n]) > 0]
-    if not names:
+    if not has_reference(record):
         raise UserError(
             'two-stage identification needs `speed_reference` or `position_reference` in the '
             'record; without a controller use the method `least_squares`'
         )
-    basis = _basis(record, names)
-    for name in input_signals(record, kind):
-        weights = np.linalg.lstsq(basis, record[name], rcond=_SMALL)[0]
-        record = record.with_signal(name, basis @ weights, record.units[name])
+    inputs = input_signals(record, kind)
+    explained = led_by_reference(record, np.column_stack([record[name] for name in inputs]))
+    for name, values in zip(inputs, explained.T, strict=True):
+        record = record.with_signal(name, values, record.units[name])
     return record
+
+
+def led_by_reference(record: Record, values: Array, first: int = 0) -> Array:
+    """Return what the reference explains of (K, k) values, one for each row from `first` on.
+
+    Without a reference, that is all of them.
+    """
+    names = [n for n in REFERENCES if n in record and np.ptp(record[n]) > 0]
+    if not names:
+        return values
+    basis = _basis(record, names)[first:]
+    explained: Array = basis @ np.linalg.lstsq(basis, values, rcond=_SMALL)[0]
+    return explained
 
 
 def _basis(record: Record, names: list[str]) -> Array:
@@ -55,5 +67,5 @@ def _basis(record: Record, names: list[str]) -> Array:
         columns += [r, np.concatenate(([0.0], np.diff(r)))]
         for lag in np.geomspace(1.0, _LONGEST * len(record), _LAGS):
             keep = np.exp(-1 / lag)
-            columns.append(np.asarray(lfilter([1 - keep], [1, -keep], r)))
+            columns.append(np.asarray(lfilter([1 - keep], [1, -keep], r, zi=[keep * r[0]])[0]))
     return np.column_stack(columns)
