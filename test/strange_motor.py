@@ -9,7 +9,7 @@ DT, PARTS, COUNTS = 1e-3, 40, 4096
 MOTOR = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5}
 UNITS = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s', 'position': 'rad'}
 
-LAWS = ('plain', 'whirl', 'cam', 'weight')
+LAWS = ('plain', 'latch', 'cam', 'weight')
 """What is strange about the motor, by its number in `torque`."""
 
 
@@ -17,11 +17,11 @@ LAWS = ('plain', 'whirl', 'cam', 'weight')
 def torque(number: int, omega: float, theta: float) -> float:
     """Return a strange torque in N m.
 
-    A drag that sets in around 60 rad/s and is gone at 120 (a shaft that whirls); a cam with a
+    A drag that sets in around 60 rad/s and is gone at 120 (a shaft that latchs); a cam with a
     spring, a bump over a part of the turn; a weight on an arm.
     """
     if number == 1:
-        return -9e-3 * np.sign(omega) * np.exp(-(((abs(omega) - 60.0) / 22.0) ** 2))
+        return -9e-3 * np.exp(-(((omega - 70.0) / 20.0) ** 2))
     if number == 2:
         return 8e-3 * np.sin(theta) * np.exp(2.0 * (np.cos(theta) - 1.0))
     if number == 3:

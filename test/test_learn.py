@@ -15,6 +15,7 @@ import pytest
 from strange_motor import DT, LAWS, MOTOR, recorded, torque, volts
 
 from motor_sysid.cli import main
+from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.found import Unknown
 from motor_sysid.diagnosis.learn import beyond_range, learn, Learned, learned_on
@@ -58,12 +59,12 @@ def on_axis(law: str, equation: str, axis: str, hold: bool = True) -> Learned:
 
 
 @cache
-def whirled() -> Learned:
-    return on_axis('whirl', 'torque', 'speed')
+def latched() -> Learned:
+    return on_axis('latch', 'torque', 'speed')
 
 
 def test_a_strange_drag_is_learned_and_the_held_out_error_falls_to_the_noise():
-    found = whirled()
+    found = latched()
     assert found.model is not None, found.reason
     assert found.after.validation.error_percent < 0.3 * found.before.validation.error_percent
     assert 'valid for speed from -1' in found.reason
@@ -73,10 +74,16 @@ def test_a_strange_drag_is_learned_and_the_held_out_error_falls_to_the_noise():
     speed = np.linspace(-120, 120, 97)
     # viscous friction and a law over speed share what is linear: only their sum is seen
     learned = law(speed, **own) - found.model['b'] * speed
-    truth = np.array([torque(LAWS.index('whirl'), w, 0.0) - MOTOR['b'] * w for w in speed])
+    truth = np.array([torque(LAWS.index('latch'), w, 0.0) - MOTOR['b'] * w for w in speed])
     assert np.sqrt(np.mean((learned - truth) ** 2)) < 6e-4
     for name in ('R', 'k_t', 'J'):
         assert found.model[name] == pytest.approx(MOTOR[name], rel=0.01)
+
+
+def test_with_the_learned_law_nothing_is_missing_any_more():
+    train, held = records('latch')
+    found = diagnose([train], [held], model=latched().model, effects=['coulomb_friction'])
+    assert found.verdict is Verdict.COMPLETE
 
 
 def test_a_cam_is_learned_over_the_position():
@@ -123,7 +130,7 @@ def filled(key: str) -> Model:
 
 @pytest.mark.parametrize('key', LEARNED)
 def test_a_learned_model_is_the_same_in_a_file_alone_in_a_crowd_and_step_by_step(key):
-    model, record = filled(key), records('whirl')[1].slice(0, 1500)
+    model, record = filled(key), records('latch')[1].slice(0, 1500)
     again = parse_model(dump_model(model))
     assert again == model
     alone = simulate(again, record, ['current', 'speed'], follow_position=False)
@@ -161,19 +168,19 @@ def test_a_table_has_its_values_at_the_knots_and_ends_as_it_says(key):
 
 
 def test_a_law_that_is_not_held_falls_to_zero_and_what_lies_beyond_is_told():
-    found = on_axis('whirl', 'torque', 'speed', hold=False)
+    found = on_axis('latch', 'torque', 'speed', hold=False)
     assert found.model is not None
     assert 'zero beyond' in found.reason
     assert found.model['learned_torque_speed.fade'] < 30
     rng = np.random.default_rng(1)
-    faster = recorded('whirl', 1.5 * volts(2.0, rng), rng)
+    faster = recorded('latch', 1.5 * volts(2.0, rng), rng)
     (words,) = beyond_range(found.model, [faster])
     assert re.search(r'[1-9]\d % of the time of these data lies beyond', words)
-    assert beyond_range(found.model, list(records('whirl'))) == []
+    assert beyond_range(found.model, list(records('latch'))) == []
 
 
 def test_learned_laws_are_fixed_afterwards_and_no_diagnosis_tries_them():
-    model = whirled().model
+    model = latched().model
     assert not any(p.free for p in model.parameters if p.name.startswith('learned'))
     assert model.parameters['R'].free
     assert not set(LEARNED) & set(catalogue())
@@ -192,9 +199,8 @@ def test_a_prior_of_another_model_says_nothing():
 @pytest.mark.timeout(300)
 def test_the_example_of_the_page_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    rng = np.random.default_rng(2)
-    for name, seconds in (('run', 10.0), ('other', 6.0)):
-        write_record(recorded('whirl', volts(seconds, rng), rng), Path(f'{name}.csv'))
+    for name, record in zip(('run', 'other'), records('latch'), strict=True):
+        write_record(record, Path(f'{name}.csv'))
     learned, compared = re.findall(r'^motor-sysid (.*)$', PAGE, re.MULTILINE)
     assert main([*shlex.split(learned), '--json', 'found.json']) == 0
     said = capsys.readouterr().out

@@ -52,7 +52,7 @@ def told(record, scatter=0.005):
     return {p.name: k in found.moved for k, p in enumerate(found.drift.parameters)}, found
 
 
-@pytest.mark.parametrize('runs', [40, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize('runs', [25, pytest.param(200, marks=pytest.mark.slow)])
 def test_a_motor_that_stays_the_same_raises_alarms_as_often_as_stated(runs):
     """Without scatter, so that nothing but the standard errors keeps the rate."""
     alpha, false = 0.1, 0
@@ -134,12 +134,12 @@ def test_days_share_one_false_alarm_rate():
 
 
 def test_an_unchanged_motor_may_be_watched_for_ever():
-    """Independent estimates, 300 looks: the rate of a watch that ever alarms is the one stated."""
-    rng, alpha, runs, false = np.random.default_rng(1), 0.2, 60, 0
+    """Independent estimates, 150 looks: the rate of a watch that ever alarms is the one stated."""
+    rng, alpha, runs, false = np.random.default_rng(1), 0.2, 40, 0
     good = model_of(TYPE)
     for _ in range(runs):
         watch = Watch(good, alpha, scatter=0.0)
-        for _ in range(300):
+        for _ in range(150):
             noise = 0.02 * rng.standard_normal(2)
             estimates = {
                 name: (TYPE[name] * np.exp(e), 0.02 * TYPE[name], '', True)

@@ -18,7 +18,10 @@ from motor_sysid.cli import main
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import believed, fit, make_chain, Prior, Problem, transfer
+from motor_sysid.estimation.batch.sisters import of_the_motor
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors import motors
 from motor_sysid.physics.store import load_model, save_model
 from motor_sysid.recording.save import write_record
 
@@ -74,7 +77,7 @@ def test_errors_are_as_large_as_their_sigmas_and_data_take_over():
 
 @pytest.mark.parametrize(
     ('runs', 'drive'),
-    [(40, steps), pytest.param(200, steps, marks=pytest.mark.slow),
+    [(30, steps), pytest.param(200, steps, marks=pytest.mark.slow),
      pytest.param(80, lazy, marks=pytest.mark.slow)],
 )  # fmt: skip
 def test_a_motor_that_obeys_the_prior_contradicts_it_as_often_as_stated(runs, drive):
@@ -133,6 +136,17 @@ def test_what_a_sister_did_not_see_has_no_prior_and_her_sigma_counts():
     assert 'L' not in prior.names
     variance = 1 / prior.precision[prior.names.index('R'), prior.names.index('R')]
     assert variance == pytest.approx(2 * 0.05**2 + 0.1**2)
+
+
+@pytest.mark.parametrize('kind', motors())
+def test_offsets_of_sensors_are_no_property_of_a_motor(kind):
+    model = Model.base(kind)
+    for key in ('current_sensor_offset', 'coulomb_friction'):
+        model = model.with_effect(key) if model.admits(effect(key)) else model
+    names = {p.name for p in of_the_motor(model)}
+    assert names
+    assert not any('offset' in name or 'error' in name for name in names)
+    assert 'coulomb_friction.tau_c' in names
 
 
 def test_a_prior_is_placed_among_the_free_parameters_only():

@@ -113,8 +113,9 @@ def learn(
     )  # fmt: skip
     if found.verdict is not Verdict.UNKNOWN_EFFECT:
         said = found.verdict.value.replace('_', ' ')
-        named = f' ({", ".join(found.effects)})' if found.effects else ''
-        reason = f'nothing is learned: the diagnosis says {said}{named}'
+        reason = f'nothing is learned: the diagnosis says {said}'
+        if found.effects:
+            reason += f' ({", ".join(found.effects)}); a named effect is better than a learned law'
         return Learned(None, reason, diagnosis=found)
     base = found.steps[0].model
     unknown = _unknown(found)

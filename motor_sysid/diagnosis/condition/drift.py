@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from motor_sysid.estimation.batch import FitResult
+from motor_sysid.estimation.batch.sisters import of_the_motor
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.parameters import Parameter
 
@@ -75,13 +76,12 @@ class Drift:
 def watched(reference: Model) -> tuple[Parameter, ...]:
     """Return the parameters of a reference that tell of a motor's condition.
 
-    Free ones with a value that is known and not zero; offsets of sensors are left out.
+    Free ones of the motor itself, with a value that is known and not zero.
     """
-    biases = {output.bias for output in reference.kind.outputs}
     return tuple(
         p
-        for p in reference.parameters.free
-        if p.name not in biases and p.value != 0 and (p.sigma is None or np.isfinite(p.sigma))
+        for p in of_the_motor(reference)
+        if p.value != 0 and (p.sigma is None or np.isfinite(p.sigma))
     )
 
 

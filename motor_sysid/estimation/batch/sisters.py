@@ -6,6 +6,8 @@ import numpy as np
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.prior import coordinate, coordinate_sigma, Prior
+from motor_sysid.physics.effect import Enters
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.parameters import Parameter
 
@@ -25,8 +27,8 @@ def believed(
     positive).  With m sisters the next motor differs from their mean with the variance
     ``(1 + 1/m) s^2``; ``s^2`` is the conjugate estimate from the stated spread, worth `STATED`
     motors, and from what the sisters show (Gelman et al., Bayesian Data Analysis, 2013,
-    section 3.3).  The sisters' own standard errors come on top.  Offsets of sensors belong to the
-    sensor: they have no prior, and neither has what a sister's data did not tell.
+    section 3.3).  The sisters' own standard errors come on top.  What is no property of the motor
+    (see `of_the_motor`) has no prior, and neither has what a sister's data did not tell.
 
     Parameters
     ----------
@@ -48,13 +50,12 @@ def believed(
             first.parameters[name]
         if not 0.0 < value < 10.0:
             raise UserError(f'a spread of {value:g} ({name}) is none; give 0.1 for 10 %')
-    biases = {output.bias for output in first.kind.outputs}
     means: dict[str, float] = {}
     variances: dict[str, float] = {}
-    for p in first.parameters.free:
+    for p in of_the_motor(first):
         found = [m.parameters[p.name] for m in sisters]
         told = [q for q in found if q.sigma is None or np.isfinite(q.sigma)]
-        if p.name in biases or not told:
+        if not told:
             continue
         mean, variance = _next(p, told, own.get(p.name, spread))
         if variance > 0:
@@ -64,6 +65,21 @@ def believed(
     model = first.with_values({n: float(v) for n, v in values.items()})
     precision = np.diag(1.0 / np.array(list(variances.values())))
     return model, Prior(tuple(means), np.array(list(means.values())), precision)
+
+
+def of_the_motor(model: Model) -> tuple[Parameter, ...]:
+    """Return the free parameters that belong to the motor, not to sensors or their mounting.
+
+    Of the motor's own parameters those that may be negative are offsets; effects say where they
+    enter.
+    """
+    sensors = [key for key in model.effects if effect(key).card.enters is Enters.SENSOR]
+    own = {p.name for p in model.kind.parameters}
+    return tuple(
+        p
+        for p in model.parameters.free
+        if (p.logarithmic or p.name not in own) and p.name.split('.')[0] not in sensors
+    )
 
 
 def _alike(sisters: Sequence[Model]) -> Model:
