@@ -26,6 +26,9 @@ Array = NDArray[np.float64]
 ALPHA = 0.01
 """How often prior and data are said to contradict each other where they do not."""
 
+PATIENCE = 100
+"""Most steps of a minimization: where the data tell little, the way is long and flat."""
+
 _DARK = 1e-9
 
 
@@ -90,10 +93,10 @@ def transfer(problem: Problem, alpha: float = ALPHA) -> Transfer:
     alpha:
         How often a contradiction may be reported where there is none.
     """
-    first, near = fit_and_slopes(problem)
+    first, near = fit_and_slopes(problem, iterations=PATIENCE)
     weighting = _honest(first.weighting, scores_of(near, first.weighting))
     result, near = fit_and_slopes(
-        problem, weighting, start=first.vector, reweight=0, near=near
+        problem, weighting, start=first.vector, reweight=0, near=near, iterations=PATIENCE
     )
     p_value, single = conflict(problem, result.vector, scores_of(near, weighting))
     surprising = [name for name, p in single.items() if p < alpha / max(len(single), 1)]
