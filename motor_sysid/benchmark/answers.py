@@ -169,8 +169,7 @@ def _stribeck(b: Bench) -> Values:
 
 
 def _saturation(b: Bench) -> Values:
-    current = 3 * b.sheet.current
-    return {'s': (1 - 1 / np.hypot(1, current / b.plant.i_sat)) / current}
+    return {'s': 0.42 / b.plant.i_sat, 'i_k': 0.37 * b.plant.i_sat}
 
 
 def _soft_iron(b: Bench) -> Values:
