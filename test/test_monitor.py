@@ -18,7 +18,9 @@ from sister_motors import model_of, recorded, steps, TYPE
 from motor_sysid.cli import main
 from motor_sysid.diagnosis.condition import conditions, Watch
 from motor_sysid.diagnosis.condition.causes import CAUSES, role_of
-from motor_sysid.diagnosis.condition.drift import alarms, Drift
+from motor_sysid.diagnosis.condition.days import has_brushes
+from motor_sysid.diagnosis.condition.drift import alarms, Drift, drift_of_estimates
+from motor_sysid.diagnosis.condition.likely import likely
 from motor_sysid.estimation.batch import fit, make_chain, Problem
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import save_model
@@ -109,6 +111,19 @@ def test_heat_is_told_in_kelvin_and_two_causes_at_once_as_two():
     both = told(day(4, R=1.1, tau_c=1.5))[1].causes
     assert both
     assert all(len(one.causes) == 2 and BEARING in one.words for one in both)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'brushes'),
+    [('brushed_dc', True), ('pmsm', False), ('pmsm_q', False), ('bldc', False)],
+)
+def test_only_motors_with_brushes_have_worn_ones(kind, brushes):
+    model = Model.base(kind)
+    assert has_brushes(model) is brushes
+    drift = drift_of_estimates(model, {'R': (1.3 * model['R'], 0.01, 'ohm', True)})
+    words = [one.words for one in likely(drift, brushes)]
+    assert (WORN in words) is brushes
+    assert ('a bad contact or a longer cable' in words) is not brushes
 
 
 def test_what_nothing_explains_is_said_to_be_so():

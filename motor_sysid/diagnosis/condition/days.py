@@ -7,6 +7,7 @@ from motor_sysid.diagnosis.condition.drift import alarms, Drift, drift_of_fit, S
 from motor_sysid.diagnosis.condition.likely import Likely, likely
 from motor_sysid.diagnosis.setup import look_ahead, prepared
 from motor_sysid.estimation.batch import fit, FitResult, make_chain, observed_outputs, Problem
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
@@ -77,7 +78,12 @@ def conditions(
 
 def causes_of(reference: Model, drift: Drift, moved: Sequence[int]) -> tuple[Likely, ...]:
     """Return what explains a drift that raised an alarm."""
-    return likely(drift, brushed=not reference.kind.frame) if moved else ()
+    return likely(drift, has_brushes(reference)) if moved else ()
+
+
+def has_brushes(model: Model) -> bool:
+    """Whether a motor has brushes: then the effect of their voltage makes sense for it."""
+    return model.admits(effect('brush_voltage_drop'))
 
 
 def in_words(drift: Drift, moved: Sequence[int], causes: Sequence[Likely]) -> str:
