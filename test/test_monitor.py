@@ -166,7 +166,8 @@ def test_an_unchanged_motor_may_be_watched_for_ever():
     assert false <= binom.ppf(0.999, runs, alpha)
     worse = {'R': (1.5 * TYPE['R'], 0.02 * TYPE['R'], 'ohm', True)}
     assert WARM in watch.look(worse).words
-    assert not watch.look({'R': (9.0, 0.1, 'ohm', False)}).moved
+    for nothing in ((9.0, 0.1, 'ohm', False), (9.0, np.inf, 'ohm', True)):
+        assert not watch.look({'R': nothing}).moved
 
 
 @pytest.mark.parametrize('cause', CAUSES, ids=lambda c: c.words)

@@ -101,7 +101,8 @@ def drift_of_estimates(
     scatter: float = SCATTER,
 ) -> Drift:
     """Return how far live estimates have moved: parameter to value, sigma, unit, identifiable."""
-    wanted = [p for p in watched(reference) if p.name in estimates and estimates[p.name][3]]
+    known = {name for name, one in estimates.items() if one[3] and np.isfinite(one[:2]).all()}
+    wanted = [p for p in watched(reference) if p.name in known]
     values, sigmas = (np.array([estimates[p.name][k] for p in wanted]) for k in (0, 1))
     return _drift(wanted, values, np.diag(np.square(sigmas)), scatter)
 
