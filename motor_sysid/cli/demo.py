@@ -10,13 +10,12 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from motor_sysid.cli.compiling import compile_nodes
 from motor_sysid.cli.demo_motors import DemoMotor, MOTORS
 from motor_sysid.cli.demo_result import Demo, finish
 from motor_sysid.cli.progress import live_progress
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.stepper import Stepper
 from motor_sysid.physics.store import save_model
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ def record(args: argparse.Namespace, motor: DemoMotor, out: Path) -> None:
             'Jazzy. `motor-sysid simulate` and `diagnose` work without it'
         ) from None
     print('Getting ready; compiling, once on a machine, takes a minute or two.', flush=True)
-    _compile(args, motor)
+    compile_nodes(motor.model(), [args.estimator], 1 / motor.rate, motor.hidden)
     domain = choose_domain()
     print(f'Starting motor, pid, identifier and recorder (ROS_DOMAIN_ID {domain}).', flush=True)
     with node_processes(out / 'nodes') as processes:
@@ -111,17 +110,6 @@ def record(args: argparse.Namespace, motor: DemoMotor, out: Path) -> None:
             code = processes.stop(name)
             if code:
                 raise UserError(f'node `{name}` ended with code {code}: {processes.log(name)}')
-
-
-def _compile(args: argparse.Namespace, motor: DemoMotor) -> None:
-    """Have on disk what the nodes would compile while the others wait for them."""
-    model = motor.model()
-    signals = tuple(output.signal for output in model.kind.outputs)
-    inputs = model.kind.inputs[0]
-    OnlineIdentifier(model, args.estimator, 1 / motor.rate, inputs, signals).estimate()
-    for key in motor.hidden:
-        model = model.with_effect(key)
-    Stepper(model, 1 / motor.rate).step([0.0] * len(model.kind.arguments))
 
 
 def _start_nodes(

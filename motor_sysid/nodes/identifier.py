@@ -1,9 +1,11 @@
 """The `identifier` node: live estimates, predictions, refits, diagnoses, a model to edit."""
 
 from collections import deque
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+import threading
 import time
 
 from diagnostic_msgs.srv import AddDiagnostics
@@ -54,6 +56,14 @@ Sending = Callable[[], None]
 MOST_WAITING = 8
 """Messages that may wait to be published; with more, a step publishes all above it."""
 
+SILENCE = 3.0
+"""Seconds of compiling after which the node says so."""
+
+COMPILING = (
+    'compiling for this motor and estimator; the first start on a machine takes a minute, the '
+    'next ones do not. `motor-sysid compile` does it beforehand'
+)
+
 TAKEN = 2
 """Most messages taken from one topic in a step: after a stall the backlog comes in pieces."""
 
@@ -77,7 +87,8 @@ class IdentifierNode(LoopNode):
         s = self.settings.value
         self.period = s.drain_period
         self._configuration = s.configuration()
-        self._configuration.warm_up()
+        with self._patience():
+            self._configuration.warm_up()
         self._condition = ConditionWatch(s)
         self._next: Configuration | None = None
         self._prepared: Preparation | None = None
@@ -97,6 +108,16 @@ class IdentifierNode(LoopNode):
         self._connect()
         names = ', '.join(topic.resolved for topic in self._topics) or 'topics yet to appear'
         self.get_logger().info(f'{s.estimator} on {names}')
+
+    @contextmanager
+    def _patience(self) -> Iterator[None]:
+        """Say why it takes long, if it does: the first start of a kind has to compile."""
+        said = threading.Timer(SILENCE, self.get_logger().warning, [COMPILING])
+        said.start()
+        try:
+            yield
+        finally:
+            said.cancel()
 
     def _connect(self) -> None:
         """Listen, as soon as the types of all topics are known."""

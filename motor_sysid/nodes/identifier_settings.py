@@ -16,6 +16,9 @@ from motor_sysid.physics.store import load_model
 from motor_sysid.recording.msg_config import load_msg_config
 from motor_sysid.recording.sources import Source
 
+REFIT_METHODS = tuple(name for name in METHODS if name != 'two_stage')
+"""What a live refit can do: the reference of the controller is not among the samples."""
+
 
 @dataclass(frozen=True)
 class IdentifierSettings:
@@ -68,7 +71,7 @@ class IdentifierSettings:
         'pso',
         'Optimizer of the refit, which least squares polish, or these alone.',
         '',
-        choices=METHODS,
+        choices=REFIT_METHODS,
         live=True,
     )
     refit_seed: int = parameter(0, 'Seed of the optimizer.', '', 0, 2**31 - 1, live=True)

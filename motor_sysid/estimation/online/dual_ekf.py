@@ -6,10 +6,14 @@ and the sensitivity ``W`` of the estimated motion to the parameters,
 
     C = H W + B                               how the outputs depend on the parameters,
     K_x = P_x H' (H P_x H' + R)^-1,           S = C P_z C' + H P_x H' + R,
-    K_z = P_z C' S^-1,                        W <- W - K_x C.
+    K_z = P_z C' S^-1 H K_x,                  W <- W - K_x C.
 
 The motion is not moved along with the parameters: what it was given by the old ones has to fade
-first, so that large corrections overshoot.  (Nelson and Stear 1976,
+first, and meanwhile the same error shows again in every innovation.  ``H K_x`` is the part of an
+innovation that the motion takes up at once; the parameters take no more of it, so that they have
+made one whole correction by the time that it has faded.  (With the whole of it each time, as
+``H K_x = 1`` would have it, corrections overshoot, and where physics is missing the filter runs
+away.)  (Nelson and Stear 1976,
 doi:10.1109/TAC.1976.1101185; Wan and Nelson, Dual extended Kalman filter methods, in Haykin,
 Kalman Filtering and Neural Networks, 2001, with the recursion of the total derivative ``W``.)
 
@@ -68,7 +72,7 @@ def _update(n, x, p, z, rows, noise):  # type: ignore[no-untyped-def]
     innovation, r = z - rows @ x, np.diag(noise)
     spread = h @ motion @ h.T + r
     gain = motion @ h.T @ np.linalg.inv(spread)
-    slow = known @ c.T @ np.linalg.inv(c @ known @ c.T + spread)
+    slow = known @ c.T @ np.linalg.inv(c @ known @ c.T + spread) @ (h @ gain)
     motion, known = _joseph(motion, gain, h, r), _joseph(known, slow, c, spread)
     w = w - gain @ c
     state, whole = x.copy(), np.empty_like(p)

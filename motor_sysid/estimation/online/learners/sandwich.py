@@ -159,17 +159,32 @@ def _score(sums, coefficients, information, tiny):  # type: ignore[no-untyped-de
         for i in range(d):
             for j in range(d):
                 score[i, j] += g[i] * g[j]
-    return score * (count / (count - d))
+    return score * (count / (count - d) * _student(count - d))
+
+
+@njit(cache=True)
+def _student(freedom):  # type: ignore[no-untyped-def]
+    """Return how much a variance of so few degrees of freedom is to be raised.
+
+    Then 1.96 sigma is the 95 % interval of Student's t: the square of its quantile over 1.96,
+    within 2 % from 6 degrees on.
+    """
+    return 1.0 + 2.4 / freedom + 6.0 / freedom**2
 
 
 @njit(cache=True)
 def _guess(sums, coefficients, tiny):  # type: ignore[no-untyped-def]
-    """Take every block for one independent sample, and the error as it is."""
+    """Take every block for one independent error, of which the coefficients have spent some.
+
+    A fit to few blocks leaves little of the error that it makes.
+    """
     d, power = coefficients.size, 0.0
     for i in range(d + 1):
         for j in range(d + 1):
             left = -coefficients[i] if i < d else 1.0
             right = -coefficients[j] if j < d else 1.0
             power += left * sums.early[i, j] * right
+    blocks = sums.numbers[_SAMPLES] / sums.numbers[2]
     variance = max(power, 0.0) / max(sums.numbers[_SAMPLES] - d, 1.0)
-    return variance * sums.numbers[2] + tiny
+    spent = max(blocks, 1.0) / max(blocks - d, 1.0)
+    return variance * spent * sums.numbers[2] + tiny
