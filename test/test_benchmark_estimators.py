@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 
-from motor_sysid.benchmark.estimator_tables import estimator_tables
+from motor_sysid.benchmark.estimator_tables import estimator_tables, page
 from motor_sysid.benchmark.estimators import as_dict, compare_estimators, Score
 from motor_sysid.benchmark.perturbations import PERTURBATIONS, perturbed_run
 from motor_sysid.cli import main
@@ -63,6 +63,10 @@ def test_tables_and_json_hold_every_score(scores):
     assert [row[0].text for row in errors.rows] == ['rls', 'mras']
     assert settling.rows[1][1].text == '-'
     assert [row[0].text for row in costs.rows] == ['rls', 'mras', 'sliding_mode']
+    html = page(scores)
+    assert html.startswith('<!doctype html>')
+    assert '<dt>P10a</dt><dd>discontinuity: inertia steps by 50 %</dd>' in html
+    assert html.count('<table') == 3
     saved = json.loads(json.dumps(as_dict(scores), allow_nan=False))
     assert [row['estimator'] for row in saved['scores']] == [one.estimator for one in scores]
 

@@ -167,11 +167,14 @@ def test_gates_pass_and_fail(results):
     failed = [g.passed for g in gates([], [], [bad])]
     assert failed == [False, False]
     assert 1.0 < efficient_p95('D2', 30) < 3.0
+    assert noise.few
+    assert [g.few for g in gates([], results.motors * 10, [])] == [False, False]
 
 
 def test_the_report_shows_everything(results):
     found = {t.title: t for t in tables(results)}
     assert next(iter(found)) == 'Gates'
+    assert {row[1].text for row in found['Gates'].rows} == {'pass', 'few runs'}
     reading = found[READINGS['R1'].title]
     (pso,) = (row for row in reading.rows if row[0].text.startswith('PSO (w 0.7, c 1.5)')
               and 'least' not in row[0].text)  # fmt: skip

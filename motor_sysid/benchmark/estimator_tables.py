@@ -1,12 +1,17 @@
 """Scores of the online estimators as tables: one row an estimator."""
 
 from collections.abc import Callable, Sequence
+from html import escape
 import math
 
 import numpy as np
 
 from motor_sysid.benchmark.estimators import Score
+from motor_sysid.benchmark.page import section, whole
+from motor_sysid.benchmark.perturbations import PERTURBATIONS
 from motor_sysid.benchmark.tables import Cell, Table
+
+TITLE = 'Online estimators under perturbations'
 
 _GOOD, _POOR = 0.05, 0.2
 _LOADED = 'P2'
@@ -16,6 +21,16 @@ _PLAIN = 'P0'
 def estimator_tables(scores: Sequence[Score]) -> list[Table]:
     """Return errors, times to converge, and what they cost."""
     return [error_table(scores), settling_table(scores), cost_table(scores)]
+
+
+def page(scores: Sequence[Score]) -> str:
+    """Return the tables as one self-contained page."""
+    codes = {one.perturbation for one in scores}
+    known = ''.join(
+        f'<dt>{escape(p.code)}</dt><dd>{escape(p.title)}</dd>'
+        for p in PERTURBATIONS if p.code in codes
+    )  # fmt: skip
+    return whole(TITLE, f'<dl>{known}</dl>{"".join(map(section, estimator_tables(scores)))}')
 
 
 def error_table(scores: Sequence[Score]) -> Table:

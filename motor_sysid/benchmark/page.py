@@ -10,6 +10,9 @@ from motor_sysid.benchmark.tables import Cell, Table, tables
 
 TITLE = 'Benchmark of the diagnosis'
 
+_LONG = 32
+"""Letters from which a cell is wrapped."""
+
 
 def page(results: Sequence[Result], facts: Mapping[str, str]) -> str:
     """Return the page.
@@ -50,7 +53,8 @@ def section(table: Table) -> str:
     matrix = ' class="matrix"' if table.title.startswith('Confusion') else ''
     head = ''.join(f'<th scope="col"><span>{escape(title)}</span></th>' for title in table.head)
     rows = ''.join(
-        f'<tr><th scope="row">{escape(first.text)}</th>{"".join(map(_cell, rest))}</tr>\n'
+        f'<tr><th scope="row"{_wrapped(first)}>{escape(first.text)}</th>'
+        f'{"".join(map(_cell, rest))}</tr>\n'
         for first, *rest in table.rows
     )
     return (
@@ -63,10 +67,15 @@ def section(table: Table) -> str:
 
 def _cell(cell: Cell) -> str:
     if not cell.tone:
-        return f'<td>{escape(cell.text)}</td>'
+        return f'<td{_wrapped(cell)}>{escape(cell.text)}</td>'
     least = 35 if cell.tone == 'bad' else 12  # a single wrong name must be seen
     strength = round(least + (60 - least) * cell.weight)
     return f'<td class="{cell.tone}" style="--part:{strength}%">{escape(cell.text)}</td>'
+
+
+def _wrapped(cell: Cell) -> str:
+    """Have a long text broken into lines: the columns behind it are to be seen, too."""
+    return ' class="text"' if len(cell.text) > _LONG else ''
 
 
 def _equivalences() -> str:

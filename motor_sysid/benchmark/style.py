@@ -30,6 +30,7 @@ thead th { position: sticky; top: 0; background: var(--head); font-weight: 600; 
   vertical-align: bottom; }
 thead th:first-child { left: 0; z-index: 2; text-align: left; }
 td.text { text-align: left; white-space: normal; min-width: 30ch; }
+th[scope=row].text { white-space: normal; min-width: 26ch; }
 td.good { background: color-mix(in srgb, var(--good) var(--part), transparent); }
 td.bad { background: color-mix(in srgb, var(--bad) var(--part), transparent); }
 td.soft { background: color-mix(in srgb, var(--soft) var(--part), transparent); }

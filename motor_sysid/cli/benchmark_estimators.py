@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json
+from motor_sysid.cli.common import write_json, write_page
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ QUICK_MOTORS, QUICK_SECONDS = 1, 3.0
 def run(args: argparse.Namespace) -> int:
     """Run all estimators on all perturbations, and show the tables."""
     _refuse(args)
-    from motor_sysid.benchmark.estimator_tables import estimator_tables
+    from motor_sysid.benchmark.estimator_tables import estimator_tables, page
     from motor_sysid.benchmark.estimators import as_dict, compare_estimators
     from motor_sysid.benchmark.perturbations import PERTURBATIONS
     from motor_sysid.cli.benchmark_progress import print_table
@@ -31,6 +31,8 @@ def run(args: argparse.Namespace) -> int:
         print_table(table)
     for one in PERTURBATIONS:
         print(f'{one.code}: {one.title}')
+    if args.page:
+        write_page(page(scores), args.page)
     write_json(as_dict(scores), args.json)
     return 0
 
@@ -44,11 +46,11 @@ def _refuse(args: argparse.Namespace) -> None:
     """Refuse options that belong to the other benchmarks."""
     given = {
         '--case': bool(args.case), '--results': args.results is not None, '--fresh': args.fresh,
-        '--no-peers': args.no_peers, '--page': args.page is not None,
+        '--no-peers': args.no_peers,
     }  # fmt: skip
     wrong = [name for name, there in given.items() if there]
     if wrong:
         raise UserError(
-            f'{wrong[0]} is no option of `benchmark estimators`; it takes --quick, --runs, --seed '
-            'and --json'
+            f'{wrong[0]} is no option of `benchmark estimators`; it takes --quick, --runs, '
+            '--seed, --page and --json'
         )

@@ -108,3 +108,18 @@ def write_json(document: object, path: Path | None) -> None:
     except OSError as problem:
         raise UserError(f'cannot write {path}: {problem.strerror}') from problem
     print(f'result: {path}')
+
+
+def write_page(text: str, path: Path) -> None:
+    """Write a page of HTML.
+
+    Raises
+    ------
+    UserError
+        If the file cannot be written.
+    """
+    try:
+        path.write_text(text, encoding='utf-8')
+    except OSError as problem:
+        raise UserError(f'cannot write {path}: {problem.strerror}') from problem
+    print(f'page: {path}')

@@ -11,7 +11,7 @@ from motor_sysid.benchmark.paper.published import CLOSED, OPEN, Printed
 from motor_sysid.benchmark.paper.runs import grouped, Run
 from motor_sysid.benchmark.paper.studies import READINGS
 
-_LEFT, _WIDTH, _ROW, _TOP = 250, 940, 22, 18
+_LEFT, _WIDTH, _ROW, _TOP = 310, 1000, 22, 18
 _LEAST = 1e-16
 
 STYLE = """

@@ -17,6 +17,8 @@ LIMITS: Mapping[str, tuple[float, float, float]] = {
 """95th percentile of the worst error that the recommended fit shall keep, percent, by noise."""
 
 _DRAWS = 20_000
+_ENOUGH = 10
+"""Seeds from which a percentile, an RMS or a share of intervals is judged."""
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class Gate:
         Whether it is met.
     note:
         What else to know.
+    few:
+        Whether there are too few runs for it to say anything.
     """
 
     title: str
@@ -38,6 +42,7 @@ class Gate:
     measured: str
     passed: bool
     note: str = ''
+    few: bool = False
 
 
 def gates(
@@ -89,7 +94,7 @@ def _noise(groups: Groups) -> list[Gate]:
                 found.append(Gate(
                     f'Worst parameter, 95th percentile, {data} at {decibel} dB',
                     f'at most {limit:g} %', f'{p95:.3g} %', p95 <= limit,
-                    f'an efficient estimator has {ideal:.3g} %',
+                    f'an efficient estimator has {ideal:.3g} %', len(runs) < _ENOUGH,
                 ))  # fmt: skip
     return found
 
@@ -121,9 +126,10 @@ def _efficient(groups: Groups) -> list[Gate]:
         Gate('RMS error over Cramer-Rao bound, every parameter and record', 'at most 1.25',
              f'worst {rms[worst].max():.2f} ({worst}), all together {pooled:.2f}',
              bool(rms[worst].max() <= 1.25),
-             f'of {count} runs an efficient estimator has 1 +- {1 / np.sqrt(2 * count):.2f} each'),
+             f'of {count} runs an efficient estimator has 1 +- {1 / np.sqrt(2 * count):.2f} each',
+             count < _ENOUGH),
         Gate('95 % intervals hold the truth', '90 to 99 %', f'{100 * covered:.1f} %',
-             bool(0.9 <= covered <= 0.99)),
+             bool(0.9 <= covered <= 0.99), few=count < _ENOUGH),
     ]  # fmt: skip
 
 
@@ -137,7 +143,7 @@ def _unseen(groups: Groups) -> list[Gate]:
     if noisy:
         middle = float(np.median([r.unseen_itae for r in noisy]))
         found.append(Gate('Median ITAE on unseen steps, from D2 at 30 dB', 'at most 0.4',
-                          f'{middle:.3g}', middle <= 0.4))  # fmt: skip
+                          f'{middle:.3g}', middle <= 0.4, few=len(noisy) < _ENOUGH))  # fmt: skip
     return found
 
 
@@ -162,9 +168,9 @@ def _motor(motors: Sequence[MotorRun]) -> list[Gate]:
     covered = float(np.mean([r.covered for r in motors]))
     return [
         Gate('Motor with current measured: RMS error over bound', 'at most 1.25', f'{rms:.2f}',
-             rms <= 1.25),
+             rms <= 1.25, few=len(motors) < _ENOUGH),
         Gate('Motor with current measured: 95 % intervals hold the truth', '90 to 99 %',
-             f'{100 * covered:.1f} %', 0.9 <= covered <= 0.99),
+             f'{100 * covered:.1f} %', 0.9 <= covered <= 0.99, few=len(motors) < _ENOUGH),
     ]  # fmt: skip
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.stats import mannwhitneyu
 
 from motor_sysid.benchmark.paper.fitting import told_by
-from motor_sysid.benchmark.paper.gates import gates
+from motor_sysid.benchmark.paper.gates import Gate, gates
 from motor_sysid.benchmark.paper.methods import METHODS
 from motor_sysid.benchmark.paper.motor import HiddenRun, MotorRun
 from motor_sysid.benchmark.paper.motor import TRUE as MOTOR
@@ -52,12 +52,19 @@ def tables(results: Results) -> list[Table]:
 def gate_table(results: Results) -> Table:
     """Return the gates."""
     rows = [
-        (*_cells(g.title, g.goal, g.measured, g.note),
-         Cell('pass' if g.passed else 'FAIL', 'good' if g.passed else 'bad', 0.35))
+        (Cell(g.title), _verdict(g), *_cells(g.goal, g.measured, g.note))
         for g in gates(results.runs, results.motors, results.hidden)
     ]  # fmt: skip
-    return Table('Gates', 'What was set before, and what came out.',
-                 ('what', 'goal', 'measured', 'note', 'verdict'), tuple(rows))  # fmt: skip
+    return Table(
+        'Gates', 'What was set before, and what came out; few runs are no verdict.',
+        ('what', 'verdict', 'goal', 'measured', 'note'), tuple(rows),
+    )  # fmt: skip
+
+
+def _verdict(gate: Gate) -> Cell:
+    if gate.few:
+        return Cell('few runs', 'soft', 0.35)
+    return Cell('pass' if gate.passed else 'FAIL', 'good' if gate.passed else 'bad', 0.35)
 
 
 def statement_table() -> Table:
@@ -218,7 +225,7 @@ def as_dict(results: Results) -> dict[str, object]:
     return {
         'schema': SCHEMA,
         'gates': [asdict(g) for g in found],
-        'passed': sum(g.passed for g in found),
+        'passed': sum(g.passed and not g.few for g in found),
         'statements': [list(one) for one in statements()],
         'runs': [{**asdict(r), 'worst_percent': r.worst} for r in results.runs],
         'motor': [asdict(r) for r in results.motors],
