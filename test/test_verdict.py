@@ -11,6 +11,7 @@ from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
 from motor_sysid.physics.effects import effect
+from motor_sysid.signals import Record
 
 FLOOR = 1.0
 NOISE = Remainder({}, FLOOR, 1.05 * FLOOR, 1.05, 0.0)
@@ -206,19 +207,28 @@ def test_what_remains_counts_if_it_is_beyond_noise_predictable_and_no_trifle(
     assert left.structured is structured
 
 
-def remaining(count, error):
-    """Examine a smooth motion of that many samples with an error (N,) that is left of it."""
+def remaining(count, error, drive=None, reference=None):
+    """Examine a smooth motion of that many samples with an error (N,) that is left of it.
+
+    The last third is held out.
+    """
     time = 1e-3 * np.arange(count)
-    drive = np.cumsum(np.random.default_rng(4).normal(size=count))[:, np.newaxis]
-    measured = (100 * np.sin(7 * time) + error)[:, np.newaxis]
-    residual = error[:, np.newaxis]
-    percent = 100 * np.sqrt(np.mean(error**2) / np.mean(measured**2))
-    run = SimpleNamespace(measured=(measured,), residuals=(residual,), error_percent=percent)
-    stretch = SimpleNamespace(
-        scored=True, scored_from=0, drive=SimpleNamespace(inputs=drive, position=np.empty(0))
-    )
-    chains = ([[stretch]], [[stretch]])
-    return examine_remainder(('speed',), run, run, run, chains, (False,), ())
+    if drive is None:
+        drive = np.cumsum(np.random.default_rng(4).normal(size=count))
+    runs, chains = [], []
+    for part in (slice(0, 2 * count // 3), slice(2 * count // 3, count)):
+        measured, residual = (100 * np.sin(7 * time) + error)[part], error[part]
+        percent = 100 * np.sqrt(np.mean(residual**2) / np.mean(measured**2))
+        led = {} if reference is None else {'speed_reference': reference[part]}
+        record = Record(time[part] - time[part][0], led, dict.fromkeys(led, 'rad/s'))
+        driven = SimpleNamespace(inputs=drive[part, np.newaxis], position=np.empty(0))
+        stretch = SimpleNamespace(scored=True, scored_from=0, record=record, drive=driven)
+        chains.append([[stretch]])
+        runs.append(SimpleNamespace(
+            measured=(measured[:, np.newaxis],), residuals=(residual[:, np.newaxis],),
+            error_percent=percent,
+        ))  # fmt: skip
+    return examine_remainder(('speed',), runs[0], runs[1], runs[1], tuple(chains), (False,), ())
 
 
 def slow_noise(count):
@@ -237,6 +247,17 @@ def test_a_record_too_short_to_tell_noise_from_physics_is_not_called_noise():
     assert short.structured
     assert long.predictable < 0.1
     assert not long.structured
+
+
+def test_what_a_controller_answers_to_a_random_load_is_not_physics():
+    """Its input predicts the load; with the reference known, only what that leads to counts."""
+    count = 12_000
+    load, reference = slow_noise(count), np.sign(np.sin(5e-3 * np.arange(count)))
+    drive = 5 * reference + np.convolve(load, np.ones(20) / 20)[:count]
+    assert remaining(count, load, drive).predictable > 0.5
+    assert remaining(count, load, drive, reference).predictable < 0.1
+    law = load + 20 * np.convolve(reference, np.ones(50) / 50)[:count]
+    assert remaining(count, law, drive, reference).predictable > 0.5
 
 
 def test_a_function_of_the_motion_is_predictable():

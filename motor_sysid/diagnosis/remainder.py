@@ -181,7 +181,7 @@ def _regression(
         drive = drive / (np.sqrt(np.mean(drive**2)) + 1e-300)
         motion = np.concatenate((drive, simulated), axis=1)
         channels = led_by_reference(stretch.record, motion, stretch.scored_from)
-        moved = channels[:, drive.shape[1] :]
+        drive, moved = np.split(channels, [drive.shape[1]], axis=1)
         shaped = np.concatenate(
             (
                 channels,
