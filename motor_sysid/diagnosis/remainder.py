@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
 _TAUS = (8.0, 30.0, 120.0)
+_HATS = 12
 _TAPS, _TAP_WIDTH = 120, 4
 _RIDGE, _STRONG_RIDGE = 1e-4, 0.1
 _FOLDS = 12
@@ -193,7 +194,10 @@ def _regression(
             axis=1,
         )
         lagged = [shaped[longest - lag : len(shaped) - lag : stride] for lag in _LAGS]
-        lagged += [_slowed(shaped, tau)[longest::stride] for tau in _TAUS]
+        bumps = np.concatenate([_bumps(column) for column in moved.T], axis=1)
+        wide = np.concatenate((shaped, bumps), axis=1)
+        lagged += [bumps[longest::stride]]
+        lagged += [_slowed(wide, tau)[longest::stride] for tau in _TAUS]
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
         mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
         ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
@@ -205,6 +209,14 @@ def _regression(
     if not rows:
         return np.empty((0, 1)), np.empty((0, comparison.residuals[0].shape[1]))
     return np.concatenate(rows), np.concatenate(targets)
+
+
+def _bumps(values: Array) -> Array:
+    """Return (N, k) hats over the range of (N,) values: their sums are functions of any shape."""
+    low, high = np.quantile(values, (0.005, 0.995))
+    place = (values - low) / max(high - low, 1e-300) * (_HATS - 1)
+    hats: Array = np.maximum(1.0 - np.abs(place[:, np.newaxis] - np.arange(_HATS)), 0.0)
+    return hats
 
 
 def _slowed(values: Array, tau: float) -> Array:
