@@ -8,8 +8,11 @@ from three_phase_records import pmsm_record
 
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.online.identifier import OnlineIdentifier
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.stepper import Stepper
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.record import Record
 
@@ -37,6 +40,25 @@ def test_the_q_axis_alone_gives_the_motor(drive):
     for name, value in truth.items():
         assert found[name] == pytest.approx(value, rel=0.02), name
     assert found['b'] == pytest.approx(machine.b, rel=0.1)
+
+
+@pytest.mark.parametrize('estimator', ['rls', 'ekf'])
+def test_the_q_axis_is_followed_live(drive, estimator):
+    machine, record = drive
+    truth = {'R': machine.R, 'k_t': 1.5 * machine.k_e, 'J': machine.J}
+    wrong = {name: 1.5 * value for name, value in truth.items()}
+    model = Model.base('pmsm_q', wrong, speed_sensor=SpeedSensor.DIFFERENCE)
+    inputs, outputs = ['voltage_q'], ['current_q', 'speed']
+    online = OnlineIdentifier(model, estimator, record.dt, inputs, outputs)
+    u, y = (np.column_stack([record[n] for n in names]) for names in (inputs, outputs))
+    online.update(record.time, u, y)
+    for name, value in truth.items():
+        assert online.estimate()[name].value == pytest.approx(value, rel=0.03), name
+
+
+def test_a_known_motion_is_not_simulated():
+    with pytest.raises(UserError, match='no motion of its own'):
+        Stepper(Model.base('inverse_axis'), 1e-3)
 
 
 def test_a_motor_without_brushes_has_no_drop_of_them():

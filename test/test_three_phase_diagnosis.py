@@ -10,60 +10,53 @@ from three_phase_records import bldc_record, pmsm_record
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 
 HIDDEN = {
-    'coulomb_friction': (
-        {'tau_c': 2e-3}, {'tau_c': (2e-3, 0.05)}, ('quadratic_drag', 'load_dependent_friction')
-    ),
-    'inverter_dead_time': (
-        {'dead': 0.35}, {'v_d': (0.35, 0.1)}, ('armature_heating', 'emf_harmonics')
-    ),
+    'coulomb_friction': ({'tau_c': 2e-3}, {'tau_c': (2e-3, 0.05)}),
+    'inverter_dead_time': ({'dead': 0.35}, {'v_d': (0.35, 0.1)}),
     'cogging_torque': (
-        {'cogging': 2e-3, 'order': 24.0}, {'b_1': (2e-3, 0.05), 'n': (24.0, 0.0)},
-        ('torque_ripple', 'coulomb_friction'),
+        {'cogging': 2e-3, 'order': 24.0}, {'b_1': (2e-3, 0.05), 'n': (24.0, 0.0)}
     ),
-    'inductance_saturation': (
-        {'soft': 0.6, 'i_soft': 1.5}, {}, ('input_delay', 'torque_constant_saturation')
-    ),
+    'inductance_saturation': ({'soft': 0.6, 'i_soft': 1.5}, {}),
     'emf_harmonics': (
-        {'fifth': 0.06, 'seventh': -0.03}, {'k_5': (0.06, 0.05), 'k_7': (-0.03, 0.05)},
-        ('inverter_dead_time', 'cogging_torque'),
+        {'fifth': 0.06, 'seventh': -0.03}, {'k_5': (0.06, 0.05), 'k_7': (-0.03, 0.05)}
     ),
 }  # fmt: skip
-"""Numbers of the true motor; parameters with their relative tolerance; rivals."""
+"""Numbers of the true motor; parameters with their relative tolerance."""
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
 
-def diagnosed(kind: str, effects: tuple[str, ...], **hidden: float) -> Diagnosis:
+def diagnosed(kind: str, first: int = 1, **hidden: float) -> Diagnosis:
+    """Return what is said of two records, with the whole catalogue to choose from."""
     pair = [
         pmsm_record(4.0, seed=seed, **hidden)[1] if kind == 'pmsm'
         else bldc_record(1.5, seed=seed, **hidden)[1]
-        for seed in (1, 2)
+        for seed in (first, first + 1)
     ]  # fmt: skip
-    return diagnose(
-        pair[:1], pair[1:], motor=kind, nominal={'pole_pairs': 4.0}, effects=list(effects)
-    )
+    return diagnose(pair[:1], pair[1:], motor=kind, nominal={'pole_pairs': 4.0})
 
 
 @pytest.mark.parametrize('key', HIDDEN)
 def test_it_is_named_in_a_pmsm(key):
-    hidden, parameters, rivals = HIDDEN[key]
-    found = diagnosed('pmsm', (key, *rivals), **hidden)
+    hidden, parameters = HIDDEN[key]
+    found = diagnosed('pmsm', **hidden)
     assert found.verdict is Verdict.EFFECT_MISSING
     assert found.effects == (key,)
-    assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent
+    assert found.steps[-1].validation_error_percent < 1.5 * found.noise_floor_percent
     for name, (value, tolerance) in parameters.items():
         assert found.model[f'{key}.{name}'] == pytest.approx(value, rel=tolerance), name
 
 
-def test_a_complete_pmsm_is_called_complete():
-    found = diagnosed('pmsm', ('coulomb_friction', 'inverter_dead_time', 'emf_harmonics'))
-    assert found.verdict is Verdict.COMPLETE
+@pytest.mark.parametrize('seed', [1, 3, 5])
+@pytest.mark.parametrize('kind', ['pmsm', 'bldc'])
+def test_a_complete_drive_is_called_complete(kind, seed):
+    assert diagnosed(kind, seed).verdict is Verdict.COMPLETE
 
 
-@pytest.mark.parametrize('key', ['coulomb_friction', 'cogging_torque'])
+@pytest.mark.parametrize('key', HIDDEN)
 def test_it_is_named_in_a_bldc(key):
-    hidden, parameters, rivals = HIDDEN[key]
-    found = diagnosed('bldc', (key, *rivals), **hidden)
-    assert found.effects[:1] == (key,)
+    hidden, parameters = HIDDEN[key]
+    found = diagnosed('bldc', **hidden)
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert found.effects == (key,)
     for name, (value, tolerance) in parameters.items():
         assert found.model[f'{key}.{name}'] == pytest.approx(value, rel=tolerance), name

@@ -172,6 +172,13 @@ def test_a_doubted_effect_is_named_only_if_it_explains_nearly_all(after, said):
     assert verdict(rung(10.0), rung(after)) is Verdict.EFFECT_MISSING
 
 
+@pytest.mark.parametrize(('before', 'said'), [(1.35, Verdict.COMPLETE),
+                                              (1.45, Verdict.UNKNOWN_EFFECT)])  # fmt: skip
+def test_doubt_about_a_trifle_is_no_lack(before, said):
+    """Beyond a noise of 1 % there are 0.9 and 1.05 % of the signal."""
+    assert verdict(rung(before), rung(before - 0.01), doubted=True) is said
+
+
 # --- the price of searching
 
 

@@ -22,7 +22,7 @@ class Machine(NamedTuple):
         0: sinusoidal back-EMF.  Otherwise a trapezoid, flat over 120 degrees but for its rounded
         corners, each of which takes this share of the 30 degrees from zero to the top.
     fifth, seventh:
-        Harmonics of a sinusoidal back-EMF, in parts of the fundamental.
+        Harmonics of the back-EMF beside that, in parts of the fundamental or of the flat top.
     tau_c, tau_s, omega_s:
         Coulomb friction, its rise near standstill, N m, and ``tau_s exp(-(omega/omega_s)^2)``.
     drag, tau_l:

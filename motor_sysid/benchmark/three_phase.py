@@ -29,19 +29,16 @@ _ROOT_LN2 = math.sqrt(math.log(2.0))
 @njit(cache=True, error_model='numpy')
 def shape(machine, angle):  # type: ignore[no-untyped-def]
     """Back-EMF of a phase over ``k_e omega``, at its electrical angle."""
+    waves = machine.fifth * math.sin(5.0 * angle) + machine.seventh * math.sin(7.0 * angle)
     if machine.corner == 0.0:
-        return -(
-            math.sin(angle)
-            + machine.fifth * math.sin(5.0 * angle)
-            + machine.seventh * math.sin(7.0 * angle)
-        )
+        return -(math.sin(angle) + waves)
     ramp = (6.0 / math.pi) * math.asin(math.sin(angle))
     size, c = abs(ramp), machine.corner
     if size > 1.0 + c:
         size = 1.0
     elif size > 1.0 - c:
         size -= (size - 1.0 + c) ** 2 / (4.0 * c)
-    return -math.copysign(size, ramp)
+    return -(math.copysign(size, ramp) + waves)
 
 
 @njit(cache=True, error_model='numpy')

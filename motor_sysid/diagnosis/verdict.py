@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from motor_sysid.diagnosis.gate import UNPHYSICAL
 from motor_sysid.diagnosis.refit import Trial
-from motor_sysid.diagnosis.remainder import Remainder
+from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
 from motor_sysid.physics.effects import effect
@@ -122,7 +122,7 @@ def verdict_of(
     """Return what a ladder of fits, with what was tried on each, comes to.
 
     If the only effect is `doubted`, and does not explain nearly all, something is missing, but
-    not that.
+    not that; unless all that the base model leaves beyond the noise is a trifle.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -134,6 +134,8 @@ def verdict_of(
     floor = left.floor_percent
     explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
     doubted = doubted and explained < NEARLY_ALL
+    if doubted and not structured and before**2 - floor**2 < TRIFLE_PERCENT**2:
+        return Verdict.COMPLETE
     if (structured and explained < EXPLAINED) or doubted:
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING

@@ -27,7 +27,10 @@ class IdentifierSettings:
     estimator: str = parameter(
         'rls', 'How parameters are estimated online.', '', choices=tuple(ESTIMATORS)
     )
-    motor: str = parameter('brushed_dc', 'Kind of the motor.', '', choices=tuple(motors()))
+    motor: str = parameter(
+        'brushed_dc', 'Kind of the motor.', '',
+        choices=tuple(key for key, kind in motors().items() if not kind.prompt),
+    )  # fmt: skip
     model_file: str = parameter(
         '', 'YAML file of the model to start from; empty to start from motor and nominal.'
     )

@@ -5,6 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
+from motor_sysid.errors import UserError
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
@@ -23,9 +24,19 @@ class Stepper:
         Sample time in s.
     substeps:
         Integration steps per sample, times those that the motor's speed asks for.
+
+    Raises
+    ------
+    UserError
+        If the model takes its motion as given.
     """
 
     def __init__(self, model: Model, dt: float, substeps: int = 1) -> None:
+        if 'omega' not in model.kind.states:
+            raise UserError(
+                f'a {model.kind.title} has no motion of its own to be simulated: it tells the '
+                'current that a recorded motion takes; choose another motor kind'
+            )
         self.model, self.dt = model, dt
         self._substeps = substeps
         self._program = Program.of(model, tuple(o.signal for o in model.kind.outputs))
