@@ -13,6 +13,8 @@ from motor_sysid.signals.record import Record
 
 WRONG = {'R': 1.6, 'L_d': 0.6, 'L_q': 1.5, 'L': 0.6, 'psi_f': 0.7, 'k_e': 0.7, 'J': 1.5, 'b': 2.0}
 
+OTHERS = ('rls_directional', 'compound_ls', 'window_ls', 'dual_ekf', 'ukf')
+
 
 @cache
 def recorded(kind: str) -> tuple[Machine, Record]:
@@ -54,6 +56,21 @@ def test_two_seconds_of_motion_are_enough(kind, estimator):
     mean = np.mean((0.03, -0.02, 0.01)) if kind == 'pmsm' else 0.0
     assert found['current_offset_a'].value == pytest.approx(0.03 - mean, abs=0.01)
     assert found['current_offset_b'].value == pytest.approx(-0.02 - mean, abs=0.01)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ('kind', 'estimator'),
+    [
+        *((kind, key) for key in OTHERS for kind in ('pmsm', 'bldc')),
+        ('pmsm', 'mhe'),  # of a BLDC it loses its way from a start this far off
+    ],
+)
+def test_the_others_find_resistance_flux_and_inertia(kind, estimator):
+    truth, _ = recorded(kind)
+    true, found = true_values(kind, truth), followed(kind, estimator).estimate()
+    for name in ('R', 'J', 'psi_f' if kind == 'pmsm' else 'k_e'):
+        assert found[name].value == pytest.approx(true[name], rel=0.05), name
 
 
 @pytest.mark.parametrize('kind', ['pmsm', 'bldc'])
