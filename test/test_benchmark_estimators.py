@@ -65,7 +65,7 @@ def test_tables_and_json_hold_every_score(scores):
     assert [row[0].text for row in costs.rows] == ['rls', 'mras', 'sliding_mode']
     html = page(scores)
     assert html.startswith('<!doctype html>')
-    assert '<dt>P10a</dt><dd>discontinuity: inertia steps by 50 %</dd>' in html
+    assert 'P0 none · P10a discontinuity: inertia steps by 50 %' in html
     assert html.count('<table') == 3
     saved = json.loads(json.dumps(as_dict(scores), allow_nan=False))
     assert [row['estimator'] for row in saved['scores']] == [one.estimator for one in scores]

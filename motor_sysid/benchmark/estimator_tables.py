@@ -26,11 +26,9 @@ def estimator_tables(scores: Sequence[Score]) -> list[Table]:
 def page(scores: Sequence[Score]) -> str:
     """Return the tables as one self-contained page."""
     codes = {one.perturbation for one in scores}
-    known = ''.join(
-        f'<dt>{escape(p.code)}</dt><dd>{escape(p.title)}</dd>'
-        for p in PERTURBATIONS if p.code in codes
-    )  # fmt: skip
-    return whole(TITLE, f'<dl>{known}</dl>{"".join(map(section, estimator_tables(scores)))}')
+    known = [f'{p.code} {p.title}' for p in PERTURBATIONS if p.code in codes]
+    tables = ''.join(map(section, estimator_tables(scores)))
+    return whole(TITLE, f'<p>{escape(" · ".join(known))}</p>{tables}')
 
 
 def error_table(scores: Sequence[Score]) -> Table:
