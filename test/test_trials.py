@@ -151,14 +151,15 @@ def test_open_initial_states_are_set_to_their_best():
 # --- the last fit
 
 
-def test_the_last_fit_takes_steps_that_move_no_parameter_by_its_error():
+def test_the_last_fit_takes_signs_and_steps_that_move_no_parameter_by_its_error():
     hidden = {'coulomb_friction': {'tau_c': 6e-3}}
     bench, rung = prepared(records(hidden, seconds=3.0), SpeedSensor.DIFFERENCE)
     rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
     last, fine = exact(rung, bench)
-    finest = climb(last.model, replace(bench, substeps=16))
-    assert fine.substeps > bench.substeps
+    sharper = last.model.with_values({'omega_eps': 0.1 * last.model['omega_eps']})
+    finest = climb(sharper, replace(bench, substeps=16))
     assert last.substeps == fine.substeps
+    assert last.model['omega_eps'] < 0.2 * rung.model['omega_eps']
 
     def moved(found: Rung) -> float:
         return max(
@@ -166,7 +167,7 @@ def test_the_last_fit_takes_steps_that_move_no_parameter_by_its_error():
             for p in found.model.parameters.free
         )
 
-    assert moved(last) < min(0.1, 0.2 * moved(rung))
+    assert moved(last) < min(0.5, 0.2 * moved(rung))
 
 
 def test_a_linear_model_needs_no_finer_steps(cogging):

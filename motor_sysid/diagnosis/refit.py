@@ -148,7 +148,8 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         tried += [(one, model.with_values(anew)) for one, model in tried[:1]]
 
     def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:
-        return one, model, _rough_fit(model, rung.result.weighting, bench, FIRST_STEPS)
+        first = _rough_fit(model, rung.result.weighting, bench, FIRST_STEPS, reweight=0)
+        return one, model, first
 
     fits = [begun(one, model) for one, model in tried]
     one, model, first = min(fits, key=lambda fit: misfit(fit[2]))
@@ -169,12 +170,14 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
     return _judged(trial.scored, replace(new, near=()), level, bench, new.near)
 
 
-def _rough_fit(model: Model, weighting: Weighting, bench: Bench, steps: int) -> FitResult:
+def _rough_fit(
+    model: Model, weighting: Weighting, bench: Bench, steps: int, *, reweight: int = 1
+) -> FitResult:
     """Fit a model to some of the data; to all, where an effect remembers for long."""
     lasting = any(_lasts(effect(key)) for key in model.effects)
     chains = bench.train if lasting else bench.rough
     problem = Problem(model, chains, bench.outputs, substeps=bench.substeps)
-    return fit(problem, weighting, reweight=1, iterations=steps, tolerance=ROUGH)
+    return fit(problem, weighting, reweight=reweight, iterations=steps, tolerance=ROUGH)
 
 
 def _standing(rough: FitResult, bench: Bench) -> Rung:

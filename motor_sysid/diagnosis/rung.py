@@ -39,8 +39,14 @@ FINEST = 8
 MOVE = 0.25
 """Move of a parameter that is worth no finer steps, in standard errors."""
 
-UNDERRATED = 2.0
-"""Error of an integration over what twice the steps change, for an error of first order."""
+SHARPER = 8
+"""How much narrower smoothed signs are tried; the bias that they make is in proportion."""
+
+WIDTHS = ('omega_eps', 'i_eps')
+"""Widths of smoothed signs."""
+
+FINER_BY = 4
+"""How much finer steps must change nothing, so that steps are fine enough."""
 
 ROUNDING = 0.1
 """Error of the integration, as a share of what is left, that is not worth finer steps."""
@@ -135,61 +141,102 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
 
 
 def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
-    """Check the integration of a fitted model, and refit with finer steps where it matters.
+    """Refit with sharper signs and finer steps of the integration where they matter.
 
-    Integration error would count as missing physics; it may be a tenth of the remaining error.
+    What smoothing and integration do would count as missing physics; it may be a tenth of the
+    remaining error.
     """
+
     def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
         changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
         return bool(np.all(changed <= ROUNDING**2 * size))
 
-    return _with_steps(rung, bench, FINER, small)
+    model = rung.model
+    sharp = _sharper(model)
+    if sharp is not model:
+        now, other = _residuals(model, bench), _residuals(sharp, bench)
+        if not small(_differences(other, now), now):
+            model = sharp
+    steps = _steps(model, bench, FINER, small)
+    if steps == bench.substeps and model is rung.model:
+        return rung, bench
+    fine = replace(bench, substeps=steps)
+    return climb(model, fine, rung.result.weighting), fine
 
 
 def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
-    """Fit the last model with steps so fine that they hardly move a parameter.
+    """Fit the last model with signs so sharp and steps so fine that they hardly move a parameter.
 
     How far they would is told by the derivatives: a change of the outputs moves the parameters as
-    far as it lies along them.
+    far as it lies along them.  What sharper signs could still move is part of the standard error.
     """
     near, weighting = slopes(rung, bench), rung.result.weighting
-    free = bench.problem(rung.model).free
-    sigma = np.array([p.sigma if p.sigma else np.inf for p in free])
-    sigma /= np.abs(bench.problem(rung.model).slope(bench.problem(rung.model).vector()))
+    problem = bench.problem(rung.model)
+    slope = np.abs(problem.slope(problem.vector()))
+    sigma = np.array([p.sigma if p.sigma else np.inf for p in problem.free])
+
+    def moves(changes: Sequence[Array]) -> Array:
+        moved = [replace(one, residual=c) for one, c in zip(near, changes, strict=True)]
+        return np.abs(newton_step(*normal_equations(moved, weighting)[:2])) * slope
 
     def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
-        moved = [replace(one, residual=c) for one, c in zip(near, changes, strict=True)]
-        move = newton_step(*normal_equations(moved, weighting)[:2])
-        return bool(np.all(np.abs(move) <= MOVE * sigma))
+        return bool(np.all(moves(changes) <= MOVE * sigma))
 
-    last, bench = _with_steps(rung, bench, FINEST, small, briefly=True)
-    model = with_honest_moments(bench.problem(last.model), last.result.weighting)
-    return replace(last, result=replace(last.result, model=model)), bench
+    last, model, blunt = rung, rung.model, np.zeros(sigma.size)
+    sharp = _sharper(model)
+    if sharp is not model:
+        move = moves(_differences(_residuals(sharp, bench), _residuals(model, bench)))
+        if np.any(move > MOVE * sigma):
+            model, blunt = sharp, move / (SHARPER - 1)
+    steps = _steps(model, bench, FINEST, small)
+    if steps != bench.substeps or model is not rung.model:
+        bench = replace(bench, substeps=steps)
+        last = climb(model, bench, weighting, briefly=True)
+    told = {
+        p.name: float(np.hypot(p.sigma, extra))
+        for p, extra in zip(last.model.parameters.free, blunt, strict=True)
+        if p.sigma is not None
+    }
+    model = last.model.with_estimates({}, told)
+    honest = with_honest_moments(bench.problem(model), last.result.weighting)
+    return replace(last, result=replace(last.result, model=honest)), bench
 
 
-def _with_steps(
-    rung: Rung,
+def _sharper(model: Model) -> Model:
+    """Return the model with every smoothed sign `SHARPER` times narrower; itself without one."""
+    needed = {name for key in model.effects for name in effect(key).needs()}
+    widths = {n: model[n] / SHARPER for n in WIDTHS if n in needed and n in model.parameters}
+    return model.with_values(widths) if widths else model
+
+
+def _residuals(model: Model, bench: Bench, steps: int = 0) -> Sequence[Array]:
+    steps = steps or bench.substeps
+    return compare(model, bench.train, bench.outputs, substeps=steps).residuals
+
+
+def _differences(one: Sequence[Array], other: Sequence[Array]) -> list[Array]:
+    return [a - b for a, b in zip(one, other, strict=True)]
+
+
+def _steps(
+    model: Model,
     bench: Bench,
     most: int,
     small: Callable[[Sequence[Array], Sequence[Array]], bool],
-    *,
-    briefly: bool = False,
-) -> tuple[Rung, Bench]:
-    """Refit with so many steps that twice as many make a small change of the outputs only."""
-    solved = all(effect(key).card.linear for key in rung.model.effects)
-    if bench.substeps >= most or solved:
-        return rung, bench
-    outputs, steps = bench.outputs, bench.substeps
-    now = left = compare(rung.model, bench.train, outputs, substeps=steps).residuals
+) -> int:
+    """Return so many integration steps that more of them make a small change of the outputs."""
+    steps = bench.substeps
+    if steps >= most or all(effect(key).card.linear for key in model.effects):
+        return steps
+    left = _residuals(model, bench)
+    runs = {steps: left}
     while steps < most:
-        finer = compare(rung.model, bench.train, outputs, substeps=2 * steps).residuals
-        if small([UNDERRATED * (a - b) for a, b in zip(finer, now, strict=True)], left):
+        for n in (steps, FINER_BY * steps):
+            runs[n] = runs[n] if n in runs else _residuals(model, bench, n)
+        if small(_differences(runs[FINER_BY * steps], runs[steps]), left):
             break
-        steps, now = 2 * steps, finer
-    if steps == bench.substeps:
-        return rung, bench
-    fine = replace(bench, substeps=steps)
-    return climb(rung.model, fine, rung.result.weighting, briefly=briefly), fine
+        steps *= 2
+    return steps
 
 
 def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
