@@ -25,9 +25,9 @@ from motor_sysid.signals.noise import noise_sigma
 Array = NDArray[np.float64]
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
-_TAUS = (8.0, 30.0, 120.0)
+_TAUS = (8.0, 30.0, 120.0, 400.0)
 _HATS = 12
-_TAPS, _TAP_WIDTH = 120, 4
+_TAPS, _TAP_WIDTH = 60, 4
 _RIDGE, _STRONG_RIDGE = 1e-4, 0.1
 _FOLDS = 12
 _ROWS = 12_000
