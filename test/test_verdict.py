@@ -141,12 +141,21 @@ def test_nothing_added_is_complete_or_unknown():
     assert verdict(rung(4.0), left=LEFT) is Verdict.UNKNOWN_EFFECT
 
 
+def test_what_leaves_more_than_it_explains_is_not_named():
+    left = Remainder({}, FLOOR, 3.8, 1.2, 0.2)
+    assert not left.structured
+    assert verdict(rung(4.0), rung(3.8), left=left) is Verdict.UNKNOWN_EFFECT
+    assert verdict(rung(4.0), rung(3.4), left=left) is Verdict.EFFECT_MISSING
+    assert verdict(rung(1.2), rung(1.15), left=left) is Verdict.COMPLETE, 'a trifle'
+
+
 def test_two_undetermined_parameters_are_too_vague_unless_something_is_seen_to_be_missing():
     assert verdict(rung(1.05, ('L',))) is Verdict.COMPLETE
     assert verdict(rung(1.05, ('L', 'b'))) is Verdict.INSUFFICIENT_DATA
     assert verdict(rung(4.0, ('L', 'b')), left=LEFT) is Verdict.UNKNOWN_EFFECT
     assert verdict(rung(4.0, ('L', 'b')), rung(1.05)) is Verdict.EFFECT_MISSING
-    assert verdict(rung(4.0, ('L', 'b')), rung(1.05, ('L', 'b'))) is Verdict.INSUFFICIENT_DATA
+    assert verdict(rung(4.0, ('L', 'b')), rung(2.5, ('L', 'b'))) is Verdict.INSUFFICIENT_DATA
+    assert verdict(rung(4.0, ('L', 'b')), rung(1.05, ('L', 'b'))) is Verdict.EFFECT_MISSING
 
 
 def test_what_was_added_is_missing_and_a_rival_makes_it_ambiguous():
@@ -202,7 +211,7 @@ def test_a_shape_that_was_looked_for_pays_for_the_places_where_it_was(key, place
         (3.0, 3.0, 0.3, True),
         (1.5, 3.0, 0.3, False),  # 1.5 sqrt(0.3) = 0.8 % of the signal: a trifle
         (2.0, 3.0, 0.3, True),  # 1.1 %
-        (3.0, 3.0, 0.2, False),  # cannot be predicted
+        (3.0, 3.0, 0.08, False),  # cannot be predicted
         (3.0, 1.2, 0.9, False),  # the sensors make that
         (0.9, 9.0, 1.0, False),  # all of it can be predicted, and it is a trifle
     ],

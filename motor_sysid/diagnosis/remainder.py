@@ -33,7 +33,7 @@ _FOLDS = 12
 _ROWS = 12_000
 
 
-STRUCTURE = 0.25
+STRUCTURE = 0.1
 """Share of the remaining error that must be predictable before it is called missing physics."""
 
 ABOVE_FLOOR = 1.3

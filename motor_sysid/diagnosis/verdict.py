@@ -121,20 +121,24 @@ def verdict_of(
 ) -> Verdict:
     """Return what a ladder of fits, with what was tried on each, comes to.
 
-    If the only effect is `doubted`, and does not explain nearly all, something is missing, but
-    not that; unless all that the base model leaves beyond the noise is a trifle.
+    If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
+    does not explain nearly all, something is missing, but not that; unless all that the base model
+    leaves beyond the noise is a trifle.  Where base parameters are undetermined, what explains
+    nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
-    if min(_vague(base), _vague(final)) >= TOO_VAGUE and not structured:
+    before, after = base.held.error_percent**2, final.held.error_percent**2
+    beyond = before - left.floor_percent**2
+    explained = (before - after) / max(beyond, 1e-300)
+    vague = min(_vague(base), _vague(final)) >= TOO_VAGUE
+    if vague and not structured and (len(ladder) == 1 or explained < EXPLAINED):
         return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
-    before, after = base.held.error_percent, final.held.error_percent
-    floor = left.floor_percent
-    explained = (before**2 - after**2) / max(before**2 - floor**2, 1e-300)
-    doubted = doubted and explained < NEARLY_ALL
-    if doubted and not structured and before**2 - floor**2 < TRIFLE_PERCENT**2:
+    larger = left.predictable * after > before - after
+    doubted = (doubted or larger) and explained < NEARLY_ALL
+    if doubted and not structured and beyond < TRIFLE_PERCENT**2:
         return Verdict.COMPLETE
     if (structured and explained < EXPLAINED) or doubted:
         return Verdict.UNKNOWN_EFFECT
