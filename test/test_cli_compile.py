@@ -1,5 +1,7 @@
 """`motor-sysid compile`, and what the node says while it compiles."""
 
+import time
+
 import pytest
 
 from motor_sysid.cli import main
@@ -29,8 +31,10 @@ def test_it_compiles_for_every_kind(kind):
 def test_the_identifier_says_that_it_compiles(monkeypatch, capfd):
     rclpy = pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
     from motor_sysid.nodes import identifier
+    from motor_sysid.nodes.configuration import Configuration
 
     monkeypatch.setattr(identifier, 'SILENCE', 0.0)
+    monkeypatch.setattr(Configuration, 'warm_up', lambda self: time.sleep(1.0))
     context = rclpy.context.Context()
     rclpy.init(context=context)
     node = identifier.IdentifierNode(context)
