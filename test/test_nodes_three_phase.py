@@ -138,7 +138,7 @@ def test_a_pmsm_is_identified_and_recorded_over_dds(repository: Path, tmp_path: 
 
         wait_for(known, 'estimates', 60)
         estimates = monitor.look().estimates
-        for name in ('pid', 'motor', 'identifier', 'recorder'):
+        for name in ('recorder', 'pid', 'motor', 'identifier'):  # no record without a reference
             assert running[name].end() == 0, running[name].output()
     for name, value in (('R', 2.0), ('psi_f', 8.3e-3), ('J', 5e-5)):
         assert estimates[name].value == pytest.approx(value, rel=0.15), name
@@ -158,7 +158,7 @@ def test_a_bldc_is_recorded_in_phases_over_dds(repository: Path, tmp_path: Path)
     }
     with nodes(**given) as running:
         wait_for(lambda: turned(tmp_path / 'bag') > 2.0, 'a turn of the shaft', 90)
-        for name in ('pid', 'motor', 'recorder'):
+        for name in ('recorder', 'pid', 'motor'):  # no record without a reference
             assert running[name].end() == 0, running[name].output()
     record = max(load(tmp_path / 'bag').records, key=travel)
     currents, voltages = (phase_columns(record, kind) for kind in ('current', 'voltage'))

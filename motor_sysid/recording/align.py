@@ -30,7 +30,7 @@ NEARLY = 0.9
 MEASURED = ('speed', 'position', 'current', 'current_q', 'current_a')
 REFERENCE_COVER = 0.5
 """A reference that covers less of the base clock is left out, unless the motor idled before."""
-IDLE = 0.02
+IDLE = 0.1
 """The inputs vary less than this share of what they vary under a reference: nothing drives."""
 
 
