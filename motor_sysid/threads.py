@@ -1,7 +1,7 @@
 """One thread for each of our programs' linear algebra.
 
 The matrices are small: on a busy machine the threads of a BLAS wait for each other longer than
-they work (a diagnosis of a minute at 1 kHz took 1.5 times the processor time with two).  What is
+they work (a diagnosis of a minute at 1 kHz took 1.4 times the processor time with two).  What is
 worth a second core is run in threads of our own.
 """
 

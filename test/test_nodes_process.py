@@ -121,7 +121,7 @@ def test_a_bag_can_be_read_after_its_recorder_was_killed(storage: str, tmp_path:
     recorder = parameters(path=tmp_path / 'bag', storage=storage)
     with nodes(motor=LOOP['motor'], recorder=recorder) as running:
         wait_for((tmp_path / 'bag').exists, 'the bag')
-        wait_for(lambda: len(read_speed(tmp_path / 'bag')) > 100, 'a flushed second')
+        wait_for(lambda: len(read_speed(tmp_path / 'bag')) > 120, 'a flushed second')
         running['recorder'].kill()
     record = load(tmp_path / 'bag').records[0]
     assert len(record) > 100

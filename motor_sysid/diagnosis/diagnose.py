@@ -8,7 +8,7 @@ import numpy as np
 from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
-from motor_sysid.diagnosis.compare import compare, Comparison, comparison_of
+from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
 from motor_sysid.diagnosis.exchange import Exchange
 from motor_sysid.diagnosis.explain import explained
@@ -22,7 +22,7 @@ from motor_sysid.diagnosis.rung import (
     certainty,
     climb,
     exact,
-    newton_step,
+    held_at_best,
     polish,
     profile_cost,
     refined,
@@ -44,9 +44,7 @@ from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import Problem
-from motor_sysid.estimation.batch.least_squares import normal_equations
-from motor_sysid.estimation.batch.methods.reference import has_reference
+from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -294,32 +292,18 @@ class _Engine:
         """Examine what the model leaves."""
         late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
         matched = Matched(self.bench.problem(rung.model), slopes(rung, self.bench))
+        closed = any(moving_references(record) for record in self.train_records)
         return examine_remainder(
             self.bench.outputs,
             compare(
                 rung.model, self.bench.train, self.bench.outputs, substeps=self.bench.substeps
             ),
             rung.validation,
-            self.refitted_held(rung),
+            held_at_best(rung, self.bench) if closed else rung.held,
             (self.bench.train, self.bench.held),
             [late and name == 'speed' for name in self.bench.outputs],
             matched.orders(contrast=STANDS_OUT),
         )
-
-    def refitted_held(self, rung: Rung) -> Comparison:
-        """Return the comparison on held-out data with the model's own parameters at their best.
-
-        In a closed loop random loads bias a fit a little; that is no missing physics.
-        """
-        bench = self.bench
-        if not any(has_reference(record) for record in self.train_records):
-            return rung.held
-        problem = Problem(rung.model, bench.held, bench.outputs, substeps=bench.substeps)
-        near, weighting = problem.linearize(problem.vector()), rung.result.weighting
-        move = newton_step(*normal_equations(near, weighting)[:2])
-        if not np.all(np.isfinite(move)):
-            return rung.held
-        return comparison_of([one.residual - one.slope @ move for one in near], problem)
 
     def step(
         self, rung: Rung, trials: Sequence[Trial], rivals: Mapping[str, tuple[str, ...]]

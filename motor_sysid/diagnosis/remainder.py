@@ -25,13 +25,24 @@ from motor_sysid.signals.noise import noise_sigma
 Array = NDArray[np.float64]
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
+"""Delays of what is looked at, samples."""
+
 _TAUS = (8.0, 30.0, 120.0, 400.0)
+"""Time constants of lags behind what is looked at, samples."""
+
 _HATS = 12
+"""Pieces of a function of any shape over a signal's range."""
+
 _TAPS, _TAP_WIDTH = 60, 4
+"""Pieces of an impulse response from the input, and how many samples each is wide."""
+
 _RIDGE, _STRONG_RIDGE = 1e-4, 0.1
+"""Share of the features' variance that holds their weights down: across blocks, and where the
+prediction is for data of another kind."""
+
 _FOLDS = 12
 _ROWS = 12_000
-
+"""Blocks of cross-validation; rows that are looked at of long records."""
 
 STRUCTURE = 0.1
 """Share of the remaining error that must be predictable before it is called missing physics."""

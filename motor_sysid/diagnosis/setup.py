@@ -129,11 +129,7 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
     UserError
         If no kind fits the signals.
     """
-    order = [wanted] if wanted else list(motors())
-    if wanted == 'brushed_dc' and not all('current' in r for r in records):
-        order = ['brushed_dc', 'brushed_dc_reduced']
-    if wanted == 'pmsm' and not all('current_d' in r for r in records):
-        order = ['pmsm', 'pmsm_q']
+    order = [k for k in (wanted, motor(wanted).unmeasured) if k] if wanted else list(motors())
     for key in order:
         kind = motor(key)
         drivable = all(

@@ -31,7 +31,7 @@ NEARLY_ALL = 0.95
 
 EXPLAINED = 0.9
 """Share of the squared error beyond sensor noise that what is named must explain, where something
-predictable remains."""
+predictable remains or where base parameters are undetermined."""
 
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together, without and with what is named;

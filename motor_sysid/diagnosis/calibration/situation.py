@@ -6,14 +6,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.estimation.batch.methods.reference import REFERENCES
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
-
-REFERENCES = ('speed_reference', 'position_reference')
 
 _SLOW = 0.05
 _LITTLE, _MUCH = 0.05, 0.35

@@ -17,11 +17,11 @@ CARD = Card(
 
 
 def torque(
-    omega: float, back: float, ahead: float, fade: float, m_12: float, m_11: float, m_10:
-    float, m_9: float, m_8: float, m_7: float, m_6: float, m_5: float, m_4: float, m_3: float,
-    m_2: float, m_1: float, p_0: float, p_1: float, p_2: float, p_3: float, p_4: float, p_5:
-    float, p_6: float, p_7: float, p_8: float, p_9: float, p_10: float, p_11: float, p_12:
-    float,
+    omega: float, back: float, ahead: float, fade: float, m_12: float, m_11: float,
+    m_10: float, m_9: float, m_8: float, m_7: float, m_6: float, m_5: float, m_4: float,
+    m_3: float, m_2: float, m_1: float, p_0: float, p_1: float, p_2: float, p_3: float,
+    p_4: float, p_5: float, p_6: float, p_7: float, p_8: float, p_9: float, p_10: float,
+    p_11: float, p_12: float,
 ) -> float:  # fmt: skip
     """Torque in N m."""
     minus = (p_0, m_1, m_2, m_3, m_4, m_5, m_6, m_7, m_8, m_9, m_10, m_11, m_12)

@@ -155,6 +155,8 @@ class Motor:
         Effects that it cannot have, though its equations would take them.
     wave:
         Parameter that counts the electrical turns in one turn of the shaft, or empty.
+    unmeasured:
+        Kind that takes its place where its currents were not all recorded, or empty.
     """
 
     key: str
@@ -177,6 +179,7 @@ class Motor:
     wave: str = ''
     prompt: bool = False
     foreign: tuple[str, ...] = ()
+    unmeasured: str = ''
 
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""

@@ -129,4 +129,5 @@ MOTOR = Motor(
     matrices=matrices,
     start=start,
     drive_torque=drive_torque,
+    unmeasured='brushed_dc_reduced',
 )

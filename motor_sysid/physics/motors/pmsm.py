@@ -243,4 +243,5 @@ MOTOR = Motor(
     },
     shown=('current_offset_a', 'current_offset_b'),
     wave='pole_pairs',
+    unmeasured='pmsm_q',
 )

@@ -18,7 +18,7 @@ from scipy.optimize import least_squares
 from scipy.signal import csd
 
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch.methods.reference import has_reference, REFERENCES
+from motor_sysid.estimation.batch.methods.reference import moving_references, REFERENCES
 from motor_sysid.estimation.batch.methods.rows import result_of
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
@@ -78,7 +78,7 @@ def measured_response(
     for record in records:
         u = record[input_signals(record, model.kind)[0]]
         names = [n for n in REFERENCES if n in record and np.ptp(record[n]) > 0]
-        r = record[names[0]] if all(map(has_reference, records)) else u
+        r = record[names[0]] if all(map(moving_references, records)) else u
         pairs = [(r, r), (r, u), (u, u)]
         pairs += [(r, record[n]) for n in outputs] + [(record[n], record[n]) for n in outputs]
         for k, (a, b) in enumerate(pairs):

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.batch.methods.reference import has_reference, noise_free_input
+from motor_sysid.estimation.batch.methods.reference import moving_references, noise_free_input
 from motor_sysid.estimation.batch.methods.rows import kept
 from motor_sysid.estimation.online.equation import offsets
 from motor_sysid.estimation.online.regressions import filter_bandwidth
@@ -33,7 +33,7 @@ def instrument_rows(
     model: Model, k: int, records: Sequence[Record], outputs: Sequence[str]
 ) -> tuple[Array, Array]:
     """Return (K, d) regressors and (K,) values of balance k in the free run of a model."""
-    closed = all(has_reference(record) for record in records)
+    closed = all(moving_references(record) for record in records)
     clean = [simulated(r, model, outputs, reference=closed) for r in records]
     balance = model.kind.balances[k]
     offset = offsets(model, model.kind.balances)[k]

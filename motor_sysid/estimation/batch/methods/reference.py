@@ -22,9 +22,9 @@ _LONGEST = 0.1
 _SMALL = 1e-10
 
 
-def has_reference(record: Record) -> bool:
-    """Whether a controller followed a reference that moves."""
-    return any(name in record and np.ptp(record[name]) > 0 for name in REFERENCES)
+def moving_references(record: Record) -> list[str]:
+    """Return the references that a controller followed and that move."""
+    return [name for name in REFERENCES if name in record and np.ptp(record[name]) > 0]
 
 
 def noise_free_input(record: Record, kind: Motor) -> Record:
@@ -35,7 +35,7 @@ def noise_free_input(record: Record, kind: Motor) -> Record:
     UserError
         If it has no reference.
     """
-    if not has_reference(record):
+    if not moving_references(record):
         raise UserError(
             'two-stage identification needs `speed_reference` or `position_reference` in the '
             'record; without a controller use the method `least_squares`'
@@ -52,7 +52,7 @@ def led_by_reference(record: Record, values: Array, first: int = 0) -> Array:
 
     Without a reference, that is all of them.
     """
-    names = [n for n in REFERENCES if n in record and np.ptp(record[n]) > 0]
+    names = moving_references(record)
     if not names:
         return values
     basis = _basis(record, names)[first:]
