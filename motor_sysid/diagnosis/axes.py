@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-import inspect
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -150,7 +150,7 @@ def _heat(
 def _stored(model: Model, key: str, states: Mapping[str, Array]) -> Array:
     """Return the (N,) loss energy in J that a winding holds, from a cold start."""
     rate = model.effect(key).rates[HEAT]
-    wanted = inspect.signature(rate).parameters
+    wanted = arguments(rate)
     known = {p.name.removeprefix(f'{key}.'): p.value for p in model.parameters}
     columns = [
         np.broadcast_to(states[n] if n in states else known.get(n, 0.0), states['t'].shape)

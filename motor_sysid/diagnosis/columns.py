@@ -11,14 +11,13 @@ effect at once.
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-import inspect
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.variants import Variant
 from motor_sysid.estimation.batch import Chain, Problem
-from motor_sysid.physics.effect import SECOND
+from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import SpeedSensor
 from motor_sysid.physics.rollout import Program
@@ -241,7 +240,7 @@ def _law(touch: Touch, name: str, path: Path) -> Array:
     known: dict[str, Array | float] = {**values, **path}
     known |= {p.name: values[f'{one.key}.{p.name}'] for p in one.card.parameters}
     law = one.laws[name]
-    found = law(*[known[argument] for argument in inspect.signature(law).parameters])
+    found = law(*[known[argument] for argument in arguments(law)])
     return np.broadcast_to(np.asarray(found, dtype=np.float64), path['t'].shape)
 
 

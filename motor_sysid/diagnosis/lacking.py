@@ -17,13 +17,12 @@ explain its own error, for what is lacking moves the current and the speed that 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-import inspect
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.drive import Drive, input_signals
-from motor_sysid.physics.effect import SECOND
+from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Term
 from motor_sysid.signals.record import Record
@@ -235,7 +234,7 @@ def _own_force(
     for one in (*laws, *([model.kind.own] if model.kind.own else [])):
         own = {p.name: model[f'{one.key}.{p.name}'] for p in one.card.parameters}
         for name, law in one.laws.items():
-            wanted = inspect.signature(law).parameters
+            wanted = arguments(law)
             known = {**model.parameters.values(), **own}
             force = name.removeprefix(SECOND)
             if force not in forces or any(n not in known and n not in states for n in wanted):

@@ -13,7 +13,6 @@ little blunter, not wrong, for what stands out is simulated with the whole model
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import inspect
 
 from numba import njit
 import numpy as np
@@ -25,7 +24,7 @@ from motor_sysid.diagnosis.residual import surroundings
 from motor_sysid.estimation.batch import coloured, Linearization, Problem, white
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.drive import Drive
-from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.laws import step_share
 from motor_sysid.physics.rollout import Program
 
@@ -174,7 +173,7 @@ class Matched:
         known[one.card.amplitudes[0].name] = 1.0
         known[one.card.orders] = 0.0
         law = one.laws[force]
-        found = law(*[known[name] for name in inspect.signature(law).parameters])
+        found = law(*[known[name] for name in arguments(law)])
         return np.broadcast_to(np.asarray(found, dtype=float), (size,))
 
 

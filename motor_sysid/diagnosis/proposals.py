@@ -9,7 +9,6 @@ start.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-import inspect
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +20,7 @@ from motor_sysid.diagnosis.residual import (
     unexplained,
 )
 from motor_sysid.estimation.batch import Linearization, Problem
-from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
 from motor_sysid.signals.record import Record
@@ -163,7 +162,7 @@ def _column(one: Effect, force: str, lack: _Lack, scales: Scales) -> Array:
     known[card.amplitudes[0].name] = 1e-3
     known[card.moment] = -1e6
     law = one.laws[force]
-    values = law(*[known[n] for n in inspect.signature(law).parameters])
+    values = law(*[known[n] for n in arguments(law)])
     column: Array = 1e3 * np.broadcast_to(values, lack.time.shape)
     return column
 

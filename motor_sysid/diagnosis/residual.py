@@ -7,14 +7,13 @@ simulation, which needs no derivative.
 """
 
 from collections.abc import Mapping
-import inspect
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
 from motor_sysid.physics.drive import Drive, input_signals
-from motor_sysid.physics.effect import Effect, SECOND
+from motor_sysid.physics.effect import arguments, Effect, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.linear_effects import along
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -133,9 +132,9 @@ def known_forces(model: Model, states: Mapping[str, Array]) -> dict[str, Array]:
             known.update(_memory(model, one, known, states))
         for name, law in one.laws.items():
             force = name.removeprefix(SECOND)
-            if force in forces and set(inspect.signature(law).parameters) <= set(known):
-                arguments = [known[n] for n in inspect.signature(law).parameters]
-                forces[force] = forces[force] + law(*arguments)
+            if force in forces and set(arguments(law)) <= set(known):
+                given = [known[n] for n in arguments(law)]
+                forces[force] = forces[force] + law(*given)
     return forces
 
 
@@ -158,7 +157,7 @@ def _memory(
     own = dict.fromkeys(one.card.states, 0.0)
     own.update({s: float(states[x][0]) for s, x in one.card.begins.items() if x in states})
     path = {name: np.zeros(time.size) for name in own}
-    names = {s: tuple(inspect.signature(rate).parameters) for s, rate in one.rates.items()}
+    names = {s: arguments(rate) for s, rate in one.rates.items()}
     if any(n not in known and n not in own for wanted in names.values() for n in wanted):
         return path
     columns = {

@@ -36,6 +36,9 @@ BEYOND = 1e-3
 FURTHEST = 1.0
 """Largest change of a coordinate of the base parameters that a regression is trusted with."""
 
+SAME = 1e-6
+"""Difference of two effects' columns, squared, below which they count as the same."""
+
 SEEN = 1e-12
 """Eigenvalue of the scaled products of base columns below which a combination is not there."""
 
@@ -285,33 +288,54 @@ def best_pairs(
         taken[key] = taken.get(key, 0) + 1
         if taken[key] <= EACH and parts[k].along.size:
             chosen.append(k)
-    found = []
-    for k, m in combinations(chosen, 2):
-        if _related(scored[k].variant.effect, scored[m].variant.effect):
-            continue
-        a, b = parts[k], parts[m]
-        along_a, along_b = a.along, b.along
-        cross = a.back.T @ left[a.own, b.own] @ b.back
-        width = along_a.size
-        gram = np.eye(width + along_b.size)
-        gram[:width, width:], gram[width:, :width] = cross, cross.T
-        along = np.concatenate((along_a, along_b))
-        both = np.linalg.lstsq(gram, along, rcond=1e-6)[0]
-        gain = float(both @ along)
-        price = sum(s.gain - s.delta_bic for s in (scored[k], scored[m]))
-        found.append((gain - price, gain, k, m, both))
-    found.sort(key=lambda one: -one[0])
+    effects = [scored[k].variant.effect for k in chosen]
+    places = combinations(range(len(chosen)), 2)
+    may = np.array([(n, m) for n, m in places if not _related(effects[n], effects[m])], dtype=int)
+    if not may.size:
+        return []
+    both, gains = _together([parts[k] for k in chosen], may, left)
+    price = np.array([scored[k].gain - scored[k].delta_bic for k in chosen])
     pairs: list[tuple[Scored, Scored]] = []
-    for _, gain, k, m, both in found:
-        width = parts[k].along.size
-        pair = _with_amplitudes(scored[k], parts[k].back @ both[:width], gain), _with_amplitudes(
-            scored[m], parts[m].back @ both[width:], gain
+    for n in np.argsort(price[may].sum(axis=1) - gains):
+        first, second = (
+            _with_amplitudes(
+                scored[chosen[place]], parts[chosen[place]].back @ own, float(gains[n])
+            )
+            for place, own in zip(may[n], both[n], strict=True)
         )
-        if all(one.allowed for one in pair):
-            pairs.append(pair)
+        if first.allowed and second.allowed:
+            pairs.append((first, second))
         if len(pairs) == PAIRS:
             break
     return pairs
+
+
+def _together(
+    parts: Sequence[_Part], pairs: NDArray[np.int64], left: Array
+) -> tuple[list[tuple[Array, Array]], Array]:
+    """Return the coordinates that the parts of each pair have together, and what they gain.
+
+    All (P, 2) pairs are solved at once, in as many coordinates as the widest part has.
+    """
+    sizes = [part.along.size for part in parts]
+    width = max(sizes)
+    back, along = np.zeros((len(left), len(parts), width)), np.zeros((len(parts), width))
+    for n, part in enumerate(parts):
+        back[part.own, n, : sizes[n]] = part.back
+        along[n, : sizes[n]] = part.along
+    flat = back.reshape(len(left), -1)
+    products = (flat.T @ left @ flat).reshape(len(parts), width, len(parts), width)
+    one, other = pairs.T
+    gram = np.tile((1.0 + SAME) * np.eye(2 * width), (len(pairs), 1, 1))
+    gram[:, :width, width:] = products[one, :, other]
+    gram[:, width:, :width] = products[other, :, one]
+    sides = np.concatenate((along[one], along[other]), axis=1)
+    both = np.linalg.solve(gram, sides[:, :, np.newaxis])[:, :, 0]
+    split = [
+        (row[: sizes[n]], row[width : width + sizes[m]])
+        for row, (n, m) in zip(both, pairs, strict=True)
+    ]
+    return split, np.sum(both * sides, axis=1)
 
 
 def _related(one: Effect, other: Effect) -> bool:

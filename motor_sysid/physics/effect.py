@@ -26,6 +26,7 @@ does not go with a rate of change stands in a second law beside the one that doe
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from enum import Enum
+from functools import cache
 import inspect
 from types import ModuleType
 
@@ -279,8 +280,14 @@ class Effect:
         own = {p.name for p in self.card.parameters} | set(self.card.states)
         asked: set[str] = set()
         for law in (*self.laws.values(), *self.rates.values()):
-            asked |= set(inspect.signature(law).parameters)
+            asked |= set(arguments(law))
         return asked - own
+
+
+@cache
+def arguments(law: Law) -> tuple[str, ...]:
+    """Return what a law asks for, in the order of its arguments."""
+    return tuple(inspect.signature(law).parameters)
 
 
 def _of_frame(laws: Mapping[str, Law], name: str, frame: str) -> Law | None:

@@ -21,7 +21,7 @@ import numpy as np
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics import laws, native
-from motor_sysid.physics.effect import ARGUMENTS, Effect, FORCES, Law, SECOND, SENSORS
+from motor_sysid.physics.effect import ARGUMENTS, arguments, Effect, FORCES, Law, SECOND, SENSORS
 
 LANES = native.LANES
 """Parameter vectors in one block."""
@@ -130,7 +130,7 @@ def _compile(
 def _lane(
     effect: Effect, law: Law, name: str, target: str, motor_parameters: tuple[str, ...]
 ) -> Lane:
-    names = tuple(inspect.signature(law).parameters)
+    names = arguments(law)
     reads = ', '.join(_read(effect, name, motor_parameters) for name in names)
     text = effect.source + _TEMPLATE.format(
         origin=effect.key, function=law.__name__, target=target, arguments=reads

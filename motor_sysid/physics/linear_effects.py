@@ -10,13 +10,12 @@ sample, and what a filter makes of it, is then right to rounding.
 """
 
 from collections.abc import Mapping, Sequence
-import inspect
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from motor_sysid.physics.effect import Effect, Law
+from motor_sysid.physics.effect import arguments, Effect, Law
 from motor_sysid.physics.motors.base import Matrices, Motor
 
 Array = NDArray[np.float64]
@@ -86,7 +85,7 @@ class LinearEffects:
     ) -> Array:
         """Return (W, columns): the law at each unit vector."""
         own = {p.name for p in one.card.parameters}
-        asked = tuple(inspect.signature(law).parameters)
+        asked = arguments(law)
         held: dict[str, Array | float] = {
             name: 0.0 if name in columns else values[f'{one.key}.{name}' if name in own else name]
             for name in asked

@@ -1,7 +1,6 @@
 """The signals that regressions read, at both ends of a sample, from measured outputs."""
 
 from collections.abc import Iterable, Mapping, Sequence
-import inspect
 import math
 
 from numba import njit
@@ -12,6 +11,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.derived import DerivedSignals
 from motor_sysid.estimation.online.despike import Sample
 from motor_sysid.estimation.online.reading import add_shown, readings
+from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
 
@@ -80,7 +80,7 @@ class Regressors:
         self.tracked = np.zeros_like(self.measured)
         self._angle = np.zeros(1)
         self._derived = DerivedSignals(model, signal_names(kind))
-        asked = {n: inspect.signature(law).parameters for n, law in kind.derived.items()}
+        asked = {n: arguments(law) for n, law in kind.derived.items()}
         self._needed = {name: set(parameters) for name, parameters in asked.items()}
         self._held = set(model.parameters.values())
         self.restart(np.full(len(outputs), np.nan))

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-import inspect
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.physics.effect import Effect, Law
+from motor_sysid.physics.effect import arguments, Effect, Law
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Record
 
@@ -201,7 +200,7 @@ class Motor:
         """
         found = dict(signals)
         for name, law in self.derived.items():
-            asked = tuple(inspect.signature(law).parameters)
+            asked = arguments(law)
             if all(n in signals or n in values for n in asked):
                 found[name] = law(*[signals[n] if n in signals else values[n] for n in asked])  # type: ignore[assignment]
         return found
@@ -211,7 +210,7 @@ class Motor:
         """Whether its equations depend on the angle of the shaft."""
         own = self.own.laws if self.own else {}
         laws = [own[force.name] for force in self.forces if force.name in own]
-        return any('theta' in inspect.signature(law).parameters for law in laws)
+        return any('theta' in arguments(law) for law in laws)
 
     @property
     def currents(self) -> tuple[str, ...]:
