@@ -152,7 +152,7 @@ def test_a_controller_follows_a_speed_profile(
 ) -> None:
     motor, pid = MotorNode(context), PidNode(context)
     kept += [motor, pid]
-    node = make(SPEED, {'speed': 300.0, 'current': 30.0}, autostart=True)
+    node = make(SPEED, {'speed': 3000.0, 'current': 300.0}, autostart=True)
     reference, current = Heard(other, 'motor/reference'), Heard(other, 'motor/current')
     seen: list[float] = []
 
