@@ -158,8 +158,9 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     """Refit with sharper signs and finer steps of the integration where they matter.
 
     What smoothing and integration do would count as missing physics; it may be a tenth of the
-    remaining error.
+    remaining error.  Some of the data tell.
     """
+    some = replace(bench, train=bench.rough or bench.train)
 
     def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
         changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
@@ -168,10 +169,10 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     model = rung.model
     sharp = _sharper(model)
     if sharp is not model:
-        now, other = _residuals(model, bench), _residuals(sharp, bench)
+        now, other = _residuals(model, some), _residuals(sharp, some)
         if not small(_differences(other, now), now):
             model = sharp
-    steps = _steps(model, bench, FINER, small)
+    steps = _steps(model, some, FINER, small)
     if steps == bench.substeps and model is rung.model:
         return rung, bench
     fine = replace(bench, substeps=steps)
