@@ -31,6 +31,12 @@ from motor_sysid.physics.rollout import Program
 Array = NDArray[np.float64]
 
 TOP_ORDER = 400
+"""Most waves per turn that are looked for."""
+
+FADED = 10.0
+"""Angle of a wave, rad, that a step covers, from which on the wave tells nothing: its share of a
+step is a thousandth."""
+
 HIGHEST = 0.4
 """Highest frequency that is looked for, in units of the sampling rate."""
 
@@ -268,6 +274,8 @@ def _add_waves(theta, turn, pull, square, power, total, energy):  # type: ignore
         first = complex(np.cos(theta[t]), np.sin(theta[t]))
         wave, step = 1.0 + 0.0j, abs(turn[t])
         for n in range(1, total.size):
+            if n * step > FADED:
+                break
             wave *= first
             share = step_share(n * step)
             at = min(int(n * step * bins / np.pi), bins)
