@@ -75,6 +75,17 @@ def test_sensitivities_are_those_of_finer_steps():
         assert error < 2e-3 * np.max(np.abs(exact))
 
 
+def test_one_sided_sensitivities_are_near_those_of_both_sides():
+    problem = a_problem(a_start(), records({}, kinds=('steps',), seconds=1.5))
+    rough = Problem(problem.model, problem.chains, problem.outputs, one_sided=True)
+    bound = np.append(problem.vector()[:-1], problem.box()[1][-1])  # only downwards
+    for z in (problem.vector(), bound):
+        (exact,), (found,) = problem.linearize(z), rough.linearize(z)
+        error = np.sum((found.slope - exact.slope) ** 2, axis=(0, 1))
+        assert np.all(error < 0.001**2 * np.sum(exact.slope**2, axis=(0, 1)))
+        assert np.allclose(found.start, exact.start, rtol=1e-9)
+
+
 def test_what_cannot_be_seen_is_said():
     """Voltage, current and speed leave the torque constant free once it is not tied to the EMF."""
     data = records({}, kinds=('steps',), seconds=3.0)

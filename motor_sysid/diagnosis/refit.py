@@ -176,13 +176,15 @@ def _rough_fit(
     """Fit a model to some of the data; to all, where an effect remembers for long."""
     lasting = any(_lasts(effect(key)) for key in model.effects)
     chains = bench.train if lasting else bench.rough
-    problem = Problem(model, chains, bench.outputs, substeps=bench.substeps)
+    problem = Problem(model, chains, bench.outputs, substeps=bench.substeps, one_sided=True)
     return fit(problem, weighting, reweight=reweight, iterations=steps, tolerance=ROUGH)
 
 
 def _standing(rough: FitResult, bench: Bench) -> Rung:
     """Judge a rough fit on all of the data, its noise taken from all of them."""
-    problem = bench.problem(rough.model)
+    problem = Problem(
+        rough.model, bench.train, bench.outputs, substeps=bench.substeps, one_sided=True
+    )
     near = tuple(problem.linearize(problem.vector()))
     weighting = white([problem.settled(one, rough.weighting) for one in near])
     cost = normal_equations(near, weighting)[2]
