@@ -78,7 +78,7 @@ def test_sensitivities_are_those_of_finer_steps():
 def test_one_sided_sensitivities_are_near_those_of_both_sides():
     problem = a_problem(a_start(), records({}, kinds=('steps',), seconds=1.5))
     rough = Problem(problem.model, problem.chains, problem.outputs, one_sided=True)
-    bound = np.append(problem.vector()[:-1], problem.box()[1][-1])  # only downwards
+    bound = np.append(problem.vector()[:-1], problem.box()[0][-1])
     for z in (problem.vector(), bound):
         (exact,), (found,) = problem.linearize(z), rough.linearize(z)
         error = np.sum((found.slope - exact.slope) ** 2, axis=(0, 1))
