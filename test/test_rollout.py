@@ -80,6 +80,20 @@ def test_waves_shorter_than_a_step_average_out(volts, share):
     assert np.std(coarse.outputs['speed'] - fine.outputs['speed']) < share * effect
 
 
+def test_steps_are_short_where_the_current_follows_the_input():
+    """The current follows within a fiftieth of a sample, and the supply sags with it."""
+    held = random_steps(300)
+    record = Record(5 * held.time, {'voltage': held['voltage']}, held.units)
+    model = Model.base('brushed_dc', {**MOTOR, 'L': 2e-4}).with_effect('supply_sag', {'a': 0.02})
+
+    def speed(steps: int) -> np.ndarray:
+        return simulate(model, record, ['speed'], substeps=steps).outputs['speed']
+
+    coarse, fine, truth = speed(8), speed(16), speed(512)
+    assert np.std(coarse - truth) < 1.5e-4 * np.std(truth)
+    assert np.std(fine - truth) < 0.35 * np.std(coarse - truth)
+
+
 LAGS_AND_SPRINGS = {
     'current_sensor_lag': ({'lag': 4e-3}, lambda i, w, z: [(i - z[0]) / 4e-3, 0.0]),
     'speed_sensor_lag': ({'lag': 3e-3}, lambda i, w, z: [(w - z[0]) / 3e-3, 0.0]),

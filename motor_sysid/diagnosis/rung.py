@@ -33,7 +33,7 @@ BRIEF, FULL = 1e-5, 1e-7
 FINER = 4
 """Most integration steps per sample, where one is not enough."""
 
-FINEST = 8
+FINEST = 16
 """The same for the last fit, whose parameters are told."""
 
 MOVE = 0.25
@@ -45,7 +45,7 @@ SHARPER = 8
 WIDTHS = ('omega_eps', 'i_eps')
 """Widths of smoothed signs."""
 
-FINER_BY = 4
+FINER_BY = 8
 """How much finer steps must change nothing, so that steps are fine enough."""
 
 ROUNDING = 0.1

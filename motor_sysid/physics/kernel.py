@@ -7,14 +7,15 @@ One sample of length ``h`` under a held input ``u`` advances
 by ``a = E x + h phi1(Ah) (B u + G f0)`` and ``x' = a + h phi2(Ah) G (f1 - f0)``, where
 ``E = exp(Ah)``, ``f0 = f(x)``, and ``f1`` is the force at the end of the step: at ``a``, but for
 laws that are stiff in the one state of their own (speed for torque, current for voltage), whose
-force is taken at the new value of that state.  Where such a law would turn within the step by more
-than a quarter, phi1 takes the place of phi2 for it: the trapezoid would ring, the implicit Euler
-step does not.  The linear motor is exact for any time constant.
+force is taken at the new value of that state.  Where the old force of such a law would still turn
+the new one by more than a quarter, phi1 takes the place of phi2 for it: the trapezoid would ring,
+the implicit Euler step does not.  The linear motor is exact for any time constant.
 (Cox and Matthews 2002, doi:10.1006/jcph.2002.6995, for exponential time differencing; Hairer and
 Wanner, Solving Ordinary Differential Equations II, 1996, section IV.3, for stiff decay.)
 
 An input delay of k samples and a fraction f cuts each sample in two pieces of its own length in
-every lane: f under the older input, the rest under the newer one.  That is exact, too.
+every lane: f under the older input, the rest under the newer one.  That is exact, too.  Each piece
+may be cut further in parts that grow with the time since the input changed.
 
 The kernel works on blocks of 32 parameter vectors; the last axis of every array is the lane.
 """
@@ -50,9 +51,9 @@ def run_block(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     whole:
-        (S, n, K, W) matrices of one substep of each of the S pieces of a sample, S being 1 without
-        and 2 with an input delay: E, h phi1 B and h phi1 G side by side, filled up with zeros to K
-        columns, a multiple of `CHUNK`.
+        (S, n, K, W) matrices of one substep of each of the S pieces of a sample, the first half of
+        them under the older input where there is an input delay: E, h phi1 B and h phi1 G side by
+        side, filled up with zeros to K columns, a multiple of `CHUNK`.
     phi1_force, phi2_force:
         (S, n, m, W) matrices h phi1 G and h phi2 G.
     width:
@@ -85,7 +86,7 @@ def run_block(  # type: ignore[no-untyped-def]
         (N - first, n_y, W) model outputs at the sample times.
     """
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
-    count = inputs.shape[0]
+    count, older = inputs.shape[0], pieces // 2 if late.shape[0] > 0 else 0
     n_lanes, n_slopes = lane_address.shape[0], slope_address.shape[0]
     n_memory = memory_offset.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
@@ -139,7 +140,7 @@ def run_block(  # type: ignore[no-untyped-def]
             now[k] = begins
         for part in range(pieces * substeps):
             piece = part // substeps
-            hold_input(wide, u, inputs, late, sample - (pieces - 1 - piece))
+            hold_input(wide, u, inputs, late, sample - (1 if piece < older else 0))
             if n_lanes + n_slopes + n_memory == 0 and not pushed:
                 predict(wide, predicted, whole[piece], all_in)
                 for j in range(n):

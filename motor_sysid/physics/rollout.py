@@ -26,7 +26,7 @@ from motor_sysid.physics.lanes import (
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
-from motor_sysid.physics.workspace import filled, joined, lane_last, Workspace
+from motor_sysid.physics.workspace import filled, graded, joined, lane_last, Workspace
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -202,7 +202,7 @@ class Program:
             For each stretch (N, 2, m, P) forces from outside, at the start and at the end of each
             sample, in the order of the motor's forces; or nothing.
         substeps:
-            Integration steps per sample, times those that the motor's speed asks for.
+            Parts of each sample (see `graded`), each cut as often as the motor's speed asks for.
         threads:
             Blocks of 32 that may run at the same time.
 
@@ -217,7 +217,7 @@ class Program:
         states = [np.broadcast_to(x, (size, len(self.kind.states))) for x in initials]
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
         top = max(drive.speed for drive in drives)
-        steps = substeps * self.substeps(table[:, 0], top, drives[0].dt)
+        steps = self.substeps(table[:, 0], top, drives[0].dt)
 
         def one(block: slice) -> list[Array]:
             return self._run_block(
@@ -226,7 +226,7 @@ class Program:
                 [state[block] for state in states],
                 [push[..., block] for push in pushes] or [self._unpushed] * len(drives),
                 frozenset((0, *restarts)),
-                steps,
+                (steps, substeps),
             )
 
         if threads > 1 and len(blocks) > 1:
@@ -245,10 +245,10 @@ class Program:
         states: Sequence[Array],
         pushes: Sequence[Array],
         restarts: frozenset[int],
-        substeps: int,
+        cut: tuple[int, int],
     ) -> list[Array]:
         used = table.shape[1]
-        workspace = self.workspace(table, drives[0].dt, substeps)
+        workspace = self.workspace(table, drives[0].dt, *cut)
         results: list[Array] = []
         for drive, start, push in zip(drives, states, pushes, strict=True):
             x = np.empty((len(self.kind.states), LANES))
@@ -257,7 +257,7 @@ class Program:
             if len(results) in restarts:
                 self.begin(workspace, x)
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
-            self.advance(workspace, x, drive, substeps, outputs, push=filled(push))
+            self.advance(workspace, x, drive, cut[0], outputs, push=filled(push))
             results.append(outputs[:, :, :used])
         return results
 
@@ -268,10 +268,11 @@ class Program:
         return self.kind.substeps(dict(zip(self.names, column, strict=True)), speed, dt)
 
     def workspace(
-        self, table: Array, dt: float, substeps: int = 1, *, delayed: bool = True
+        self, table: Array, dt: float, substeps: int = 1, parts: int = 1, *, delayed: bool = True
     ) -> Workspace:
         """Return the matrices and work memory of up to 32 parameter vectors (one a column).
 
+        A sample is cut in `parts` (see `graded`), each of them in `substeps` of one length.
         Without `delayed` the caller delays the input himself.
         """
         used = table.shape[1]
@@ -282,7 +283,7 @@ class Program:
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:
             late, width = self._delays(full, dt)
-        width /= substeps
+        width = np.concatenate([np.outer(graded(parts), piece) for piece in width]) / substeps
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))
@@ -384,8 +385,8 @@ def simulate(
     follow_position:
         Whether laws see the measured position (default) or the simulated one.
     substeps:
-        Integration steps per sample; a three-phase motor takes more of them by itself where it
-        turns fast.
+        Integration steps per sample, shorter at its start; a three-phase motor takes more of them
+        by itself where it turns fast.
     """
     even = record.uniform()
     signals = tuple(outputs or (o.signal for o in model.kind.outputs))
