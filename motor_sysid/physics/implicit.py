@@ -18,9 +18,11 @@ TRIALS = 60
 """Most evaluations that the implicit step may take; it needs one to four."""
 
 HARD = 0.25
-"""Weight of a stiff law's old force, times its slope, above which the step is taken fully implicit:
-the trapezoid would ring.  Where the linear motor itself forgets the old force within the step it
-does not, however steep the law."""
+"""Weight of a stiff law's old force, times its slope, above which the step is fully implicit.
+
+The trapezoid would ring there.  Where the linear motor itself forgets the old force within the
+step it does not, however steep the law.
+"""
 
 CLOSE = 1e-5
 """Error of the implicit step, relative to it, that is good enough."""
