@@ -25,8 +25,8 @@ class Drive:
     dt, start:
         Sample time and time of the first sample, s.
     position:
-        (N,) measured position that position-dependent laws see, or empty: then they see the
-        simulated one.
+        (N,) measured position that position-dependent laws see, with one value more if that at
+        the end is known; or empty: then they see the simulated one.
     speed:
         Highest speed (rad/s) that the motor is known to reach; it decides on substeps.
     """

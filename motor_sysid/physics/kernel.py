@@ -68,7 +68,7 @@ def run_block(  # type: ignore[no-untyped-def]
     late:
         (W,) whole samples that the input is late by.
     position:
-        (N,) measured position for laws that depend on it, or empty.
+        (N,) or (N + 1,) measured position for laws that depend on it, or empty.
     push:
         (N, 2, m, W) forces from outside at the start and at the end of each sample, between which
         they change linearly; or empty.
@@ -156,7 +156,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 p[time_at + k] = now[k]
             if follows:
                 base_position = position[sample]
-                slope = (position[min(sample + 1, count - 1)] - base_position) / dt
+                slope = (position[min(sample + 1, position.shape[0] - 1)] - base_position) / dt
                 for k in range(wide):
                     here[k] = base_position + slope * (now[k] - begins)
                     there[k] = here[k] + slope * h[k]

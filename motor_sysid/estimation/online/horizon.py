@@ -76,6 +76,7 @@ class Horizon:
         n, inputs, outputs, p, q = sizes
         room = 2 * length
         self._motion, self._n, self._p, self._q = motion, n, p, q
+        self._angle = motion.angle
         self._length, self._dt, self._pace = length, dt, pace
         self._state, self._input = np.zeros((room, n)), np.zeros((room, inputs))
         self._time, self._memory = np.zeros(room), np.zeros((room, motion.memory.size))
@@ -145,7 +146,7 @@ class Horizon:
             k = self._at % len(self._time)
             z = self._parameters[: self._p]
             move = self._motion.advance(
-                self._x, z, self._steps, self._input[k], self._time[k], self._dt
+                self._x, z, self._steps, self._input[k], self._time[k], self._dt, self._turned()
             )
             _carry(self._sensitivity, move.slope)
             self._x = move.state
@@ -157,6 +158,15 @@ class Horizon:
         with np.errstate(invalid='ignore'):
             power = self._power[0] / np.where(self._power[1] > 0, self._power[1], np.nan)
         return Summary(self._blocks, power, self._first, step, self._parameters)
+
+    def _turned(self) -> Array:
+        """Return (2,) angle of the shaft at both ends of the sample, as it was when it came.
+
+        What depends on it would go astray with an angle that is simulated over the window.
+        """
+        ends = (self._at, min(self._at + 1, self.count - 1))
+        turned: Array = self._state[[k % len(self._time) for k in ends], self._angle]
+        return turned
 
     def _measure(self, k: int, scale: Array, block: int) -> None:
         """Add sample `k` of the memory to the normal equations."""

@@ -6,7 +6,8 @@ over where the motion began and over the parameters ``z``, within their bounds. 
 Mayne 2003, doi:10.1109/TAC.2002.808470.)  Each pass over the window is one Gauss-Newton step: a
 few simulated steps for every new sample, so that no sample waits for an optimization (the
 real-time iteration of Diehl, Bock and Schloeder 2005, doi:10.1137/S0363012902400713).  A filter of
-the motion says where a window begins and makes the predictions.
+the motion says where a window begins and makes the predictions; laws that depend on the angle of
+the shaft see the angle that it followed.
 
 What physics lacks is not filtered away within a window, but no single measurement counts beyond
 three standard deviations, and the variances are those of the residuals.  Where these jump, what

@@ -18,6 +18,7 @@ from motor_sysid.physics.workspace import Workspace
 
 Array = NDArray[np.float64]
 
+_EMPTY = np.empty(0)
 _NO_OUTPUTS = np.empty((1, 0, LANES))
 _SAME = 1e-9
 _NEAR = 10.0
@@ -59,6 +60,11 @@ class Motion:
         The model; its input delay is left to the caller.
     moved:
         Parameters that the derivative is taken by.
+
+    Attributes
+    ----------
+    angle:
+        Number of the state that is the angle of the shaft.
     """
 
     def __init__(self, model: Model, moved: Coordinates) -> None:
@@ -73,6 +79,7 @@ class Motion:
         self._blocks: list[_Block] = []
         self._center, self._length, self._substeps = np.zeros(self._p), 0.0, 1
         self._omega = model.kind.states.index('omega')
+        self.angle = model.kind.states.index('theta')
         self._used, self._fresh = np.zeros(self._n + self._p), True
         self._slope = np.zeros((self._n, self._n + self._p))
         self._straight = np.zeros((self._n, 0))
@@ -97,7 +104,10 @@ class Motion:
         self._memory[:] = 0.0
         self._fresh = True
 
-    def advance(self, x: Array, z: Array, steps: Array, u: Array, time: float, h: float) -> Move:
+    def advance(
+        self, x: Array, z: Array, steps: Array, u: Array, time: float, h: float,
+        position: Array = _EMPTY,
+    ) -> Move:  # fmt: skip
         """Advance one sample.
 
         Parameters
@@ -110,6 +120,8 @@ class Motion:
             (n_u,) held input.
         time, h:
             Time at the start and length of the sample in s.
+        position:
+            (2,) angle of the shaft at both ends that laws see, or empty for the simulated one.
         """
         n = self._n
         far = abs(h - self._length) >= _SAME or _is_far(z, self._center, steps[n:])
@@ -119,7 +131,7 @@ class Motion:
             self._substeps = substeps
             self._prepare(z, steps[n:], h)
         self._used[:n] = steps[:n]
-        drive = Drive(u[np.newaxis, :], h, time)
+        drive = Drive(u[np.newaxis, :], h, time, position)
         memory = self._memory
         for block in self._blocks:
             self._run(block, x, drive, memory)
