@@ -9,7 +9,7 @@ from test_trials import prepared, refitted
 
 from motor_sysid.diagnosis import exchange
 from motor_sysid.diagnosis.apart import Compared, rivalries_of
-from motor_sysid.diagnosis.exchange import Exchange
+from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.rounds import scored
 from motor_sysid.diagnosis.rung import climb, Rung
 from motor_sysid.diagnosis.score import Scores
@@ -26,11 +26,11 @@ def test_a_rival_found_by_exchange_is_told_with_what_they_share(monkeypatch):
     both = base.model.with_effect('brush_voltage_drop', {'v_b': 0.5}, bench.scales)
     both = both.with_effect('coulomb_friction', {'tau_c': 5e-3}, bench.scales)
     rung = climb(both, bench)
-    seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
+    seen: dict[State, tuple[Rung, Scores]] = {}
 
     def score(one: Rung) -> Scores:
         scores = scored(one, bench, [effect(key) for key in FEW], lambda text: None)
-        seen[frozenset(one.model.effects)] = one, replace(scores, pairs=[])
+        seen[state_of(one.model)] = one, replace(scores, pairs=[])
         return scores
 
     score(base)
@@ -45,7 +45,7 @@ def test_a_rival_found_by_exchange_is_told_with_what_they_share(monkeypatch):
     rivals: dict[str, tuple[str, ...]] = {}
     compared: dict[tuple[str, str], Compared] = {}
     gains = {'coulomb_friction': 1.0, 'brush_voltage_drop': 1e12}
-    engine = Exchange(bench, seen, gains, compared, score, lambda text: None)
+    engine = Exchange(bench, seen, {}, gains, compared, score, lambda text: None)
     assert engine.better(rung, (), rivals) is None
     assert rivals == {'coulomb_friction': ('asymmetric_coulomb_friction',)}
     (one,) = rivalries_of([], rivals, bench.records, compared)

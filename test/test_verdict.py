@@ -97,6 +97,16 @@ def test_a_special_case_is_no_rival():
     assert rivals_of(best, [best, trial('stribeck_friction', 999.0)]) == ()
 
 
+def test_the_same_law_under_another_name_is_no_rival():
+    """Coulomb friction beside a constant load is asymmetric Coulomb friction."""
+    load = trial('constant_load_torque', 1000.0)
+    wider = trial('asymmetric_coulomb_friction', 1001.0, inherits=True)
+    assert winner_of([wider, load]) is load
+    assert rivals_of(load, [wider, load]) == ()
+    fresh = trial('asymmetric_coulomb_friction', 1001.0)
+    assert rivals_of(load, [fresh, load]) == ('asymmetric_coulomb_friction',)
+
+
 # --- what is doubted
 
 

@@ -10,7 +10,7 @@ from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import candidate_of
-from motor_sysid.diagnosis.exchange import Exchange
+from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
@@ -162,7 +162,8 @@ class _Engine:
         self.gains: dict[str, float] = {}
         self.compared: dict[tuple[str, str], Compared] = {}
         self.notes: list[str] = []
-        self.seen: dict[frozenset[str], tuple[Rung, Scores]] = {}
+        self.seen: dict[State, tuple[Rung, Scores]] = {}
+        self.tried: dict[State, list[Trial]] = {}
         self.train_records = [
             r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
         ]
@@ -216,20 +217,22 @@ class _Engine:
         if better is not rung:
             self.tell(f'the speed sensor is a {better.model.speed_sensor.value} one')
             rung, scores = better, self.score(better)
-        return rung, refitted(scores, rung, self.bench, self.settings.refits, self.tell)
+        trials = refitted(scores, rung, self.bench, self.settings.refits, self.tell)
+        self.tried[state_of(rung.model)] = trials
+        return rung, trials
 
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""
         scores = scored(rung, self.bench, self.candidates, self.tell)
         if not self.seen:
             self.candidates = [c for c in self.candidates if c.key not in unseen(scores)]
-        self.seen[frozenset(rung.model.effects)] = rung, scores
+        self.seen[state_of(rung.model)] = rung, scores
         return scores
 
     def exchange(self) -> Exchange:
         """Return what looks for better sets of effects, as things stand."""
         return Exchange(
-            self.bench, self.seen, self.gains, self.compared, self.score, self.tell
+            self.bench, self.seen, self.tried, self.gains, self.compared, self.score, self.tell
         )
 
     def prune(self, rung: Rung) -> Rung:

@@ -3,14 +3,16 @@
 Effects are added one by one; what explained most alone need not be part of the truth.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     Level,
+    parameters_of,
+    settled,
     settled_pair,
     Trial,
     try_effect,
@@ -20,14 +22,24 @@ from motor_sysid.diagnosis.rounds import ONLY_NOISE, WORKERS
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.diagnosis.verdict import RIVAL_BIC, RIVAL_SHARE
+from motor_sysid.diagnosis.verdict import margin_of, RIVAL_BIC, RIVAL_SHARE
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model, SpeedSensor
 
 ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""
 
 PROMISING = 0.97
 """Share of the best rough gain of a pair that another pair must reach to be fitted in full."""
+
+
+State = tuple[frozenset[str], SpeedSensor]
+"""What a fit is told from others by: its effects, and how the speed is measured."""
+
+
+def state_of(model: Model) -> State:
+    """Return what a model is told from others by."""
+    return frozenset(model.effects), model.speed_sensor
 
 
 @dataclass(frozen=True)
@@ -39,7 +51,9 @@ class Exchange:
     bench:
         The data.
     seen:
-        Sets of effects that were fitted and scored.
+        Models that were fitted and scored.
+    tried:
+        What was tried on them.
     gains:
         Gain in BIC of each effect when it was added; what is exchanged is noted here.
     compared:
@@ -51,7 +65,8 @@ class Exchange:
     """
 
     bench: Bench
-    seen: dict[frozenset[str], tuple[Rung, Scores]]
+    seen: dict[State, tuple[Rung, Scores]]
+    tried: Mapping[State, Sequence[Trial]]
     gains: dict[str, float]
     compared: dict[tuple[str, str], Compared]
     score: Callable[[Rung], Scores]
@@ -65,14 +80,17 @@ class Exchange:
         Another effect that does as well is noted in `rivals`.
         """
         own = [key for key in rung.model.effects if key not in start]
-        cost, rows = profile_cost(
-            rung, self.bench, self.seen[frozenset(rung.model.effects)][1].weighting
-        )
+        other = self.asked_again(rung, own[:-1], rivals)
+        if other is not None:
+            return other
+        weighting = self.seen[state_of(rung.model)][1].weighting
+        cost, rows = profile_cost(rung, self.bench, weighting)
         left = cost - ONLY_NOISE * rows
         doubtful = [key for key in own if left > RIVAL_SHARE * self.gains.get(key, 0.0)]
         if left < 0 or not doubtful:
             return None
-        first = self.seen[frozenset(start)][1].pairs
+        begun = [now for (keys, _), now in self.seen.items() if keys == frozenset(start)]
+        first = begun[-1][1].pairs
         if first and {one.variant.effect.key for one in first[0]} == set(own):
             return None
         for key in doubtful:
@@ -82,9 +100,7 @@ class Exchange:
             if len(own) > 1:
                 for trial in self.substitutes(key, level, scores, mine):
                     if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
-                        self.tell(f'{trial.key} does better than {key}')
-                        self.gains[trial.key] = trial.delta_bic
-                        return climb(trial.rung.model, self.bench, rung.result.weighting)
+                        return self.exchanged(key, trial, rung)
                     if trial.key not in rivals.get(key, ()):
                         rivals[key] = (*rivals.get(key, ()), trial.key)
                     self.compared[key, trial.key] = _compared(slim, rung, trial.rung)
@@ -93,13 +109,73 @@ class Exchange:
                 return climb(better.model, self.bench, rung.result.weighting)
         return None
 
+    def asked_again(
+        self, rung: Rung, keys: Sequence[str], rivals: dict[str, tuple[str, ...]]
+    ) -> Rung | None:
+        """Ask the rivals of what was added early again, now that the rest is there.
+
+        What was still missing then may have favoured either.  A rival that has fallen behind is
+        no longer one; the model with a rival that has got ahead is returned.
+        """
+        ahead: list[tuple[float, str, Trial]] = []
+        for key in keys:
+            if not rivals.get(key):
+                continue
+            slim, scores = self.without(rung, key)
+            level = Level.of(slim, self.bench, scores.weighting)
+            after = profile_cost(rung, self.bench, scores.weighting)[0]
+            mine = level.gain(rung, self.bench)
+            margin = margin_of(mine, after / level.rows)
+            trials = {name: self.trial(name, level, scores) for name in rivals[key]}
+            rivals[key] = tuple(
+                name
+                for name, trial in trials.items()
+                if trial is None or (trial.passes and trial.delta_bic > mine - margin)
+            )
+            found = [t for t in trials.values() if t is not None and t.passes]
+            ahead += [(t.delta_bic - mine, key, t) for t in found if t.delta_bic > mine + margin]
+        if not ahead:
+            return None
+        _, key, trial = max(ahead, key=lambda one: one[0])
+        rivals.pop(key)
+        return self.exchanged(key, trial, rung)
+
+    def exchanged(self, key: str, trial: Trial, rung: Rung) -> Rung:
+        """Return the fit in which what was tried has taken the place of an effect."""
+        self.tell(f'{trial.key} does better than {key}')
+        self.gains[trial.key] = trial.delta_bic
+        return climb(trial.rung.model, self.bench, rung.result.weighting)
+
     def without(self, rung: Rung, key: str) -> tuple[Rung, Scores]:
         """Return the fit without one effect, and what then scores."""
-        left = frozenset(rung.model.effects) - {key}
-        if left not in self.seen:
-            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
-            self.score(slim)
-        return self.seen[left]
+        model = rung.model.without_effect(key)
+        if state_of(model) not in self.seen:
+            self.score(climb(model, self.bench, rung.result.weighting))
+        return self.seen[state_of(model)]
+
+    def trial(self, key: str, level: Level, scores: Scores) -> Trial | None:
+        """Return an effect tried on a model; None where the model cannot have it.
+
+        Where it was fitted on other models before, a fit begins as it ended there, too.
+        """
+        known = self.known(level).get(key)
+        if known is not None and known.rung is not level.rung:
+            return settled(known, level, self.bench)
+        starts = [s for s in scores.singles if s.variant.effect.key == key]
+        if not starts:
+            return None
+        trials = [try_effect(best_per_effect(starts, 1)[0], level, self.bench)]
+        fitted = [
+            t for each in self.tried.values() for t in each
+            if t.key == key and key in t.rung.model.effects
+        ]  # fmt: skip
+        if fitted and not starts[0].variant.inherits:
+            trials.append(settled(_beside(fitted[-1], level.rung), level, self.bench))
+        return max(trials, key=lambda one: one.delta_bic)
+
+    def known(self, level: Level) -> dict[str, Trial]:
+        """Return what was tried on a model when it was climbed to, by key."""
+        return {trial.key: trial for trial in self.tried.get(state_of(level.rung.model), ())}
 
     def best_pair(
         self,
@@ -153,16 +229,33 @@ class Exchange:
     def substitutes(
         self, key: str, level: Level, scores: Scores, gain: float
     ) -> Iterator[Trial]:
-        """Yield what explains the data as well as an effect that was taken out, or better."""
+        """Yield what explains the data as well as an effect that was taken out, or better.
+
+        What was fitted there before counts by its fit, all else by its score.
+        """
         related = {key, *effect(key).card.generalises}
-        others = [s for s in scores.singles if s.variant.effect.key not in related]
-        for starts in best_per_effect(others, 2):
-            if key not in starts[0].variant.effect.card.generalises and (
-                starts[0].delta_bic > ALTERNATIVE * gain
-            ):
-                trial = try_effect(starts, level, self.bench)
-                if trial.passes and trial.delta_bic > gain - RIVAL_BIC:
+        promises: dict[str, float] = {}
+        for one in scores.singles:
+            other = one.variant.effect
+            if other.key not in related and key not in other.card.generalises:
+                promises.setdefault(other.key, one.delta_bic)
+        known = self.known(level).items()
+        promises |= {name: t.delta_bic for name, t in known if name in promises}
+        for name in sorted(promises, key=lambda name: -promises[name])[:2]:
+            if promises[name] > ALTERNATIVE * gain:
+                trial = self.trial(name, level, scores)
+                if trial and trial.passes and trial.delta_bic > gain - RIVAL_BIC:
                     yield trial
+
+
+def _beside(trial: Trial, rung: Rung) -> Trial:
+    """Return a trial as it was fitted on another model, with the effects of this one added."""
+    model = replace(trial.rung.model, speed_sensor=rung.model.speed_sensor)
+    for key in rung.model.effects:
+        if key not in model.effects and model.lacks(effect(key)):
+            values = {name: one[0] for name, one in parameters_of(rung.model, key).items()}
+            model = model.with_effect(key, values)
+    return replace(trial, rung=replace(rung, result=replace(rung.result, model=model), near=()))
 
 
 def _compared(base: Rung, one: Rung, two: Rung) -> Compared:

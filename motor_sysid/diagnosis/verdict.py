@@ -47,8 +47,8 @@ def winner_of(passing: Sequence[Trial]) -> Trial:
     simplest = _simplest(best, passing)
     if simplest is not best:
         return simplest
-    equal = {best.key, *rivals_of(best, passing)}
-    keeps = [t for t in passing if t.key in equal and not t.scored.variant.inherits]
+    equal = [best, *_equals(best, passing)]
+    keeps = [t for t in equal if not t.scored.variant.inherits]
     return _simplest(keeps[0], passing) if keeps else best
 
 
@@ -61,22 +61,40 @@ def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
 
 
 def rivals_of(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
-    """Return the effects that explain the data as well as the winner does."""
-    margin = RIVAL_BIC
-    if winner.excess > AT_NOISE:
-        margin = max(margin, RIVAL_SHARE * winner.delta_bic)
-    key = winner.key
-    return tuple(
-        t.key
-        for t in passing
-        if t.key != key and t.delta_bic > winner.delta_bic - margin and not related(t, winner)
-    )
+    """Return the effects that explain the data as well as the winner does.
+
+    One that comes to the same law is none: no experiment tells the two apart, and no question is
+    open.
+    """
+    return tuple(t.key for t in _equals(winner, passing) if not same_law(t, winner))
+
+
+def _equals(best: Trial, passing: Sequence[Trial]) -> list[Trial]:
+    """Return the trials that do as well as the best, but for wider and narrower forms of it."""
+    least = best.delta_bic - margin_of(best.delta_bic, best.excess)
+    others = [t for t in passing if t.key != best.key and not related(t, best)]
+    return [t for t in others if t.delta_bic > least]
+
+
+def margin_of(gain: float, excess: float) -> float:
+    """Return how far in BIC a rival may be behind; `excess` is what the better one leaves."""
+    return max(RIVAL_BIC, RIVAL_SHARE * gain) if excess > AT_NOISE else RIVAL_BIC
 
 
 def related(one: Trial, other: Trial) -> bool:
     """Whether one of two trials is of a special case of the other's effect."""
     first, second = one.scored.variant.effect, other.scored.variant.effect
     return first.key in second.card.generalises or second.key in first.card.generalises
+
+
+def same_law(one: Trial, other: Trial) -> bool:
+    """Whether two trials come to one law: it widens an effect of the model, or is added to it."""
+    return _completes(one.key, other) or _completes(other.key, one)
+
+
+def _completes(key: str, trial: Trial) -> bool:
+    variant = trial.scored.variant
+    return variant.inherits and key in variant.effect.card.sum_of
 
 
 def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:

@@ -173,6 +173,9 @@ class Card:
     generalises:
         Effects that are special cases of this one, which takes their place: key to (own parameter,
         parameter of the special case that it starts from) pairs.
+    sum_of:
+        Effects whose laws together are this one's law under other parameters: no record tells
+        them apart.
     rotary:
         Whether it needs an angle, and so makes no sense for a linear axis.
     shrinks:
@@ -209,6 +212,7 @@ class Card:
     begins: Mapping[str, str] = field(default_factory=dict)
     delay: str = ''
     generalises: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=dict)
+    sum_of: tuple[str, ...] = ()
     rotary: bool = False
     shrinks: tuple[str, ...] = ()
     orders: str = ''

@@ -14,6 +14,7 @@ CARD = Card(
         Amplitude('tau_c_minus', 'N m', 'friction turning back', Scale.TORQUE, positive=True),
     ),
     generalises={'coulomb_friction': (('tau_c_plus', 'tau_c'), ('tau_c_minus', 'tau_c'))},
+    sum_of=('coulomb_friction', 'constant_load_torque'),
     hidden_by=('constant_input', 'no_motion'),
 )
 
