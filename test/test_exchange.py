@@ -19,7 +19,8 @@ from motor_sysid.physics.model import SpeedSensor
 FEW = ('coulomb_friction', 'quadratic_drag', 'brush_voltage_drop')
 
 
-def test_a_rival_found_by_exchange_is_told_with_what_they_share(monkeypatch):
+def exchange_of():
+    """Return a fit of two effects to a motor that has both, and what exchanges them."""
     hidden = {'coulomb_friction': {'tau_c': 6e-3}, 'brush_voltage_drop': {'v_b': 0.5}}
     data = records(hidden, kinds=('steps', 'triangle'), seconds=3.0)
     bench, base = prepared(data, SpeedSensor.DIFFERENCE)
@@ -35,24 +36,58 @@ def test_a_rival_found_by_exchange_is_told_with_what_they_share(monkeypatch):
 
     score(base)
     score(rung)
+    gains = {'coulomb_friction': 1.0, 'brush_voltage_drop': 1e12}
+    return Exchange(bench, seen, {}, gains, {}, score, lambda text: None), rung
+
+
+def test_a_rival_found_by_exchange_is_told_with_what_they_share(monkeypatch):
+    engine, rung = exchange_of()
 
     def as_good(self, key, level, scores, gain):
-        trial, _ = refitted('asymmetric_coulomb_friction', bench, level.rung)
+        trial, _ = refitted('asymmetric_coulomb_friction', engine.bench, level.rung)
         yield replace(trial, delta_bic=gain)
 
     monkeypatch.setattr(exchange, 'ONLY_NOISE', 0.0)
     monkeypatch.setattr(Exchange, 'substitutes', as_good)
     rivals: dict[str, tuple[str, ...]] = {}
-    compared: dict[tuple[str, str], Compared] = {}
-    gains = {'coulomb_friction': 1.0, 'brush_voltage_drop': 1e12}
-    engine = Exchange(bench, seen, {}, gains, compared, score, lambda text: None)
     assert engine.better(rung, (), rivals) is None
     assert rivals == {'coulomb_friction': ('asymmetric_coulomb_friction',)}
-    (one,) = rivalries_of([], rivals, bench.records, compared)
+    (one,) = rivalries_of([], rivals, engine.bench.records, engine.compared)
     assert 0.9 < one.overlap <= 1.0
     assert 'they share' in one.words
-    (bare,) = rivalries_of([], rivals, bench.records)
+    (bare,) = rivalries_of([], rivals, engine.bench.records)
     assert np.isnan(bare.overlap)
+
+
+def test_a_rival_that_falls_behind_when_the_rest_is_there_is_none_any_more():
+    """Drag instead of dry friction did as well while the brushes were missing, say."""
+    engine, rung = exchange_of()
+    rivals = {'coulomb_friction': ('quadratic_drag',)}
+    assert engine.asked_again(rung, ['coulomb_friction'], rivals) is None
+    assert rivals == {'coulomb_friction': ()}
+
+
+@pytest.mark.parametrize(
+    ('ahead', 'keys', 'left'),
+    [
+        (-9.0, None, {'coulomb_friction': ('asymmetric_coulomb_friction',)}),
+        (9.0, None, {'coulomb_friction': ('asymmetric_coulomb_friction',)}),
+        (11.0, {'brush_voltage_drop', 'asymmetric_coulomb_friction'}, {}),
+    ],
+)
+def test_a_rival_that_gets_ahead_takes_the_place(monkeypatch, ahead, keys, left):
+    """Within 10 in BIC the two go on as rivals."""
+    engine, rung = exchange_of()
+
+    def by_so_much(self, key, level, scores):
+        trial, _ = refitted(key, engine.bench, level.rung)
+        return replace(trial, delta_bic=level.gain(rung, engine.bench) + ahead, note='')
+
+    monkeypatch.setattr(Exchange, 'trial', by_so_much)
+    rivals = {'coulomb_friction': ('asymmetric_coulomb_friction',)}
+    other = engine.asked_again(rung, ['coulomb_friction'], rivals)
+    assert (other and set(other.model.effects)) == keys
+    assert rivals == left
 
 
 def test_what_two_alike_fits_share_is_all():

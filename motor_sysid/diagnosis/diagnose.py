@@ -3,8 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
@@ -14,17 +12,16 @@ from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
+from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.rounds import refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
-    certainty,
     climb,
     exact,
     held_at_best,
     polish,
-    profile_cost,
     refined,
     Rung,
     slopes,
@@ -51,10 +48,6 @@ from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
-
-BEYOND_DOUBT = 100.0
-"""Squared number of standard errors, in units of the evidence asked for, from which on an effect
-is kept without a fit that lacks it."""
 
 SPOILED = 1.02
 """Held-out error after the full fit of a winner, over that after its trial, from which on the
@@ -197,7 +190,8 @@ class _Engine:
             best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
             worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
             best = winner.rung if worse or vanished(best.model, winner.key) else best
-            rung, self.bench = refined(self.prune(best), self.bench)
+            best = pruned(best, self.bench, self.gains, self.tell)
+            rung, self.bench = refined(best, self.bench)
         last, trials = ladder[-1]
         own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
         doubted = doubts(trials, own)
@@ -234,21 +228,6 @@ class _Engine:
         return Exchange(
             self.bench, self.seen, self.tried, self.gains, self.compared, self.score, self.tell
         )
-
-    def prune(self, rung: Rung) -> Rung:
-        """Drop effects that later ones have made superfluous."""
-        for key in rung.model.effects[:-1]:
-            if certainty(rung.model, key) > BEYOND_DOUBT * self.bench.threshold:
-                continue
-            slim = climb(rung.model.without_effect(key), self.bench, rung.result.weighting)
-            weighting = rung.result.weighting
-            full, rows = profile_cost(rung, self.bench, weighting)
-            less, _ = profile_cost(slim, self.bench, weighting)
-            count = len(rung.model.parameters.free) - len(slim.model.parameters.free)
-            if less - full - count * np.log(rows) < self.bench.threshold:
-                self.tell(f'dropping {key}: no longer needed')
-                rung = slim
-        return rung
 
     def conclude(
         self,

@@ -1,0 +1,74 @@
+"""What later effects have made superfluous goes again: whole effects, and too wide laws.
+
+While something else is missing, an effect may do duty for it, and a law with one parameter more
+may look better than the one that is there.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from motor_sysid.diagnosis.rung import certainty, climb, profile_cost, Rung
+from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.scales import Scales
+
+BEYOND_DOUBT = 100.0
+"""Squared number of standard errors, in units of the evidence asked for, from which on an effect
+is kept without a fit that lacks it."""
+
+
+def pruned(
+    rung: Rung, bench: Bench, gains: dict[str, float], tell: Callable[[str], None]
+) -> Rung:
+    """Drop effects that the last one has made superfluous, and narrow those that are too wide.
+
+    Parameters
+    ----------
+    rung, bench:
+        The fit, and what it was fitted on.
+    gains:
+        Gain in BIC of each effect when it was added; a special case takes over the one that it
+        stands for.
+    tell:
+        Is told what is dropped.
+    """
+    for key in rung.model.effects[:-1]:
+        if certainty(rung.model, key) <= BEYOND_DOUBT * bench.threshold:
+            slim = _simpler(rung, rung.model.without_effect(key), bench)
+            if slim is not rung:
+                tell(f'dropping {key}: no longer needed')
+                rung = slim
+                continue
+        for special in effect(key).card.generalises:
+            slim = _simpler(rung, narrowed(rung.model, key, special, bench.scales), bench)
+            if slim is not rung:
+                tell(f'{special} does in place of {key}')
+                gains[special] = gains.get(key, 0.0)
+                rung = slim
+                break
+    return rung
+
+
+def narrowed(model: Model, key: str, special: str, scales: Scales) -> Model:
+    """Return the model with a special case in the place of an effect, at like values."""
+    pairs = effect(key).card.generalises[special]
+    shared = {theirs for _, theirs in pairs}
+    values = {
+        name: float(np.mean([model[f'{key}.{mine}'] for mine, own in pairs if own == name]))
+        for name in shared
+    }
+    order = tuple(special if one == key else one for one in model.effects)
+    return replace(model.without_effect(key).with_effect(special, values, scales), effects=order)
+
+
+def _simpler(rung: Rung, model: Model, bench: Bench) -> Rung:
+    """Return the fit of a model with fewer parameters, if there is no evidence for more."""
+    weighting = rung.result.weighting
+    slim = climb(model, bench, weighting)
+    full, rows = profile_cost(rung, bench, weighting)
+    less, _ = profile_cost(slim, bench, weighting)
+    count = len(rung.model.parameters.free) - len(slim.model.parameters.free)
+    return slim if less - full - count * np.log(rows) < bench.threshold else rung

@@ -1,0 +1,49 @@
+"""What later effects have made superfluous goes again, and laws wider than needed are narrowed."""
+
+from bench_motor import records
+import pytest
+from test_trials import prepared
+
+from motor_sysid.diagnosis.prune import narrowed, pruned
+from motor_sysid.diagnosis.rung import climb
+from motor_sysid.physics.model import SpeedSensor
+
+TAU = 6e-3
+UNEVEN = {'tau_c_plus': 1.2 * TAU, 'tau_c_minus': 0.8 * TAU}
+
+
+def fitted(friction):
+    """Return the fit of asymmetric friction and brushes to a motor with that friction."""
+    data = records(
+        {**friction, 'brush_voltage_drop': {'v_b': 0.5}}, kinds=('steps', 'triangle'), seconds=3.0
+    )
+    bench, base = prepared(data, SpeedSensor.DIFFERENCE)
+    wide = base.model.with_effect('asymmetric_coulomb_friction', UNEVEN, bench.scales)
+    wide = wide.with_effect('brush_voltage_drop', {'v_b': 0.5}, bench.scales)
+    return climb(wide, bench), bench
+
+
+def test_even_friction_needs_no_law_for_each_direction():
+    rung, bench = fitted({'coulomb_friction': {'tau_c': TAU}})
+    gains, said = {'asymmetric_coulomb_friction': 500.0}, []
+    slim = pruned(rung, bench, gains, said.append)
+    assert slim.model.effects == ('coulomb_friction', 'brush_voltage_drop')
+    assert slim.model['coulomb_friction.tau_c'] == pytest.approx(TAU, rel=0.02)
+    assert gains['coulomb_friction'] == 500.0
+    assert said == ['coulomb_friction does in place of asymmetric_coulomb_friction']
+
+
+def test_uneven_friction_keeps_its_law():
+    rung, bench = fitted({'asymmetric_coulomb_friction': UNEVEN})
+    assert pruned(rung, bench, {}, lambda text: None) is rung
+
+
+def test_a_special_case_takes_the_place_and_the_mean_of_what_it_narrows():
+    rung, bench = fitted({'coulomb_friction': {'tau_c': TAU}})
+    model = rung.model.with_values(
+        {f'asymmetric_coulomb_friction.{name}': value for name, value in UNEVEN.items()}
+    )
+    slim = narrowed(model, 'asymmetric_coulomb_friction', 'coulomb_friction', bench.scales)
+    assert slim.effects == ('coulomb_friction', 'brush_voltage_drop')
+    assert slim['coulomb_friction.tau_c'] == pytest.approx(TAU)
+    assert slim['brush_voltage_drop.v_b'] == model['brush_voltage_drop.v_b']
