@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.refit import searching, Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect
 from motor_sysid.signals import Record
 
@@ -105,6 +106,12 @@ def test_the_same_law_under_another_name_is_no_rival():
     assert rivals_of(load, [wider, load]) == ()
     fresh = trial('asymmetric_coulomb_friction', 1001.0)
     assert rivals_of(load, [fresh, load]) == ('asymmetric_coulomb_friction',)
+
+
+def test_the_other_name_is_told():
+    (line,) = other_names(('brush_voltage_drop', 'coulomb_friction', 'constant_load_torque'))
+    assert 'same law as asymmetric Coulomb friction' in line
+    assert other_names(('coulomb_friction', 'gravity_load')) == []
 
 
 # --- what is doubted

@@ -97,7 +97,7 @@ def named(
     ]
     lines += [one.words for one in evidence]
     lines += [one.words for one in rivalries]
-    lines += _other_names(last.model.effects)
+    lines += other_names(last.model.effects)
     if left.structured:
         lines.append(
             f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
@@ -108,7 +108,7 @@ def named(
     return lines
 
 
-def _other_names(effects: Sequence[str]) -> list[str]:
+def other_names(effects: Sequence[str]) -> list[str]:
     """Say which effect of the catalogue is the same as several of those together."""
     return [
         f'{" and ".join(effect(part).card.title for part in one.card.sum_of)} together are the '
