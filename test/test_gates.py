@@ -69,12 +69,20 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
     assert with_better_sensor(rung, bench, rung.result.weighting) is rung
 
 
-def note(model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True):
-    old = SimpleNamespace(model=SimpleNamespace(effects=('cogging_torque',) if further else ()))
+def note(
+    model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True, steady=1.0,
+    sigmas=0.1, trained=4.9,
+):
+    old = SimpleNamespace(
+        model=SimpleNamespace(effects=('cogging_torque',) if further else ()),
+        training=SimpleNamespace(error_percent=5.0),
+    )
+    own = {p.name: sigmas * p.value for p in model.parameters if p.name.startswith(key)}
+    model = model.with_estimates({}, own)
     variant = SimpleNamespace(effect=effect(key), inherits=inherits)
     scored = SimpleNamespace(variant=variant, overlap=0.0)
-    new = SimpleNamespace(model=model)
-    return gate_note(scored, new, old, 1000.0, gain, 1.0, certain, deep, 20.0)
+    new = SimpleNamespace(model=model, training=SimpleNamespace(error_percent=trained))
+    return gate_note(scored, new, old, 1000.0, gain, steady, certain, deep, 20.0)
 
 
 def with_effect(key, values):
@@ -105,3 +113,16 @@ def test_what_is_far_above_the_noise_counts_in_an_error_that_is_nearly_all_noise
     model = with_effect('quadratic_drag', {'k_d': 1e-8})
     assert '0.2 % only' in note(model, 'quadratic_drag', gain=0.2)
     assert note(model, 'quadratic_drag', gain=0.2, deep=True) == ''
+
+
+def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    assert note(model, 'quadratic_drag', gain=10.0, sigmas=0.3) == ''
+    assert 'from nothing' in note(model, 'quadratic_drag', gain=10.0, sigmas=0.4)
+
+
+def test_what_halves_the_training_error_need_not_help_everywhere():
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    rare = {'gain': 10.0, 'certain': False, 'steady': 0.6}
+    assert 'harms in other' in note(model, 'quadratic_drag', **rare)
+    assert note(model, 'quadratic_drag', **rare, trained=2.4) == ''

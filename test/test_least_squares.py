@@ -144,6 +144,18 @@ def test_a_coloured_noise_model_whitens():
         assert abs(np.corrcoef(flat[1:, j], flat[:-1, j])[0, 1]) < 0.03
 
 
+def test_bursts_are_no_noise():
+    """What a model lacks shows here and there; the noise is what is left elsewhere."""
+    rng = np.random.default_rng(9)
+    white = rng.normal(size=(20000, 1))
+    bursts = np.zeros_like(white)
+    for k in range(1000, 20000, 4000):
+        bursts[k : k + 300, 0] = 40 * np.hanning(300)
+    clean, spoiled = coloured([white], 4), coloured([white + bursts], 4)
+    assert spoiled.sigma[0] == pytest.approx(clean.sigma[0], rel=0.25)
+    assert np.abs(spoiled.whiteners[0] - clean.whiteners[0]).max() < 0.3
+
+
 def test_the_start_values_read_from_balances_are_near():
     rng = np.random.default_rng(2)
     model = Model.base('brushed_dc', MOTOR)

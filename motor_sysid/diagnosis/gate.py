@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import Comparison
-from motor_sysid.diagnosis.rung import Rung, vanished
+from motor_sysid.diagnosis.rung import certainty, Rung, vanished
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect, Scale
@@ -33,6 +33,14 @@ BLOCKS = 20
 MIN_STEADY = 0.75
 """Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
 they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
+
+LEAST_CERTAINTY = 9.0
+"""Squared number of honest standard errors that an amplitude must be from zero: where errors come
+in bursts, evidence alone counts more than there is."""
+
+HALVED = 0.5
+"""Error over the training data, in units of that before, below which an effect that lowers the
+held-out error need not do so steadily: what it acts on may be rare there."""
 
 CERTAIN_GAIN, CERTAIN_STEADY, CERTAIN_T = 10.0, 0.9, 3.0
 """An effect whose gain is lost in the noise of the sensors is believed if the whitened held-out
@@ -137,6 +145,8 @@ def gate_note(
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
+    if certainty(new.model, key) < LEAST_CERTAINTY:
+        return 'its size cannot be told from nothing'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
     further = bool(old.model.effects)
@@ -145,6 +155,7 @@ def gate_note(
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
-    if steady < MIN_STEADY:
+    halved = new.training.error_percent < HALVED * old.training.error_percent
+    if steady < MIN_STEADY and not halved:
         return 'helps in some of the held-out data and harms in other'
     return ''

@@ -14,7 +14,6 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import cho_factor, cho_solve
 from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.compare import Comparison
@@ -151,7 +150,7 @@ def _predictable(
     x, xv = (x - middle) / spread, (xv - middle) / spread
     gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
     offset = y.mean(axis=0)
-    guess = offset + xv @ cho_solve(cho_factor(gram), x.T @ (y - offset))
+    guess = offset + xv @ np.linalg.solve(gram, x.T @ (y - offset))
     along = np.maximum(np.sum(yv * guess, axis=0), 0.0) ** 2
     along /= np.maximum(np.sum(yv**2, axis=0) * np.sum(guess**2, axis=0), 1e-300)
     across = _cross_validated(np.concatenate((x, xv)), np.concatenate((y, yv)))
@@ -168,7 +167,7 @@ def _cross_validated(x: Array, y: Array) -> float:
     side = np.sum(sides, axis=0)
     left = np.zeros(y.shape[1])
     for own, other, (part, target) in zip(grams, sides, folds, strict=True):
-        weights = cho_solve(cho_factor(gram - own), side - other)
+        weights = np.linalg.solve(gram - own, side - other)
         left += np.sum((target - part @ weights) ** 2, axis=0)
     return float(np.max(1 - left / np.maximum(np.sum(y**2, axis=0), 1e-300)))
 

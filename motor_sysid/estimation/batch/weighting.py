@@ -12,6 +12,12 @@ Array = NDArray[np.float64]
 
 _PIECE = 8192
 
+BURST = 3.0
+"""Power of a block of errors, in units of the median block's, above which it counts less."""
+
+_BLOCKS, _LONG, _PASSES = 40, 8, 3
+"""Blocks; how much longer they are than the order of a noise model at least; passes."""
+
 
 @dataclass(frozen=True)
 class Weighting:
@@ -113,19 +119,29 @@ def white(errors: Sequence[Array], floor: Array | float = 1e-12) -> Weighting:
 def coloured(errors: Sequence[Array], order: int, floor: Array | float = 1e-12) -> Weighting:
     """Fit an autoregressive noise model of that order to each column of (N, n_y) errors.
 
-    Yule-Walker, pooled over the stretches; the estimate is stable by construction.
+    Yule-Walker, pooled over blocks of the stretches; the estimate is stable by construction.
+    Bursts in some of the blocks are what a model lacks, not noise: a block counts as far as its
+    power is within `BURST` times the median.  (Huber 1964, doi:10.1214/aoms/1177703732.)
     """
     whiteners, sigmas = [], []
     for j in range(errors[0].shape[1]):
-        covariance = np.zeros(order + 1)
-        count = 0
-        for error in errors:
-            e = error[:, j] - np.mean(error[:, j])
-            count += e.size
-            covariance += [float(e[: e.size - k] @ e[k:]) for k in range(order + 1)]
-        covariance = covariance / count
-        covariance[0] = covariance[0] * (1 + 1e-9) + 1e-30
-        ar = solve_toeplitz(covariance[:-1], covariance[1:])
-        whiteners.append(np.concatenate(([1.0], -ar)))
-        sigmas.append(np.sqrt(max(covariance[0] - ar @ covariance[1:], 1e-30)))
+        blocks = _blocks([error[:, j] - np.mean(error[:, j]) for error in errors], order)
+        products = np.array([[b[: b.size - k] @ b[k:] for k in range(order + 1)] for b in blocks])
+        counts = np.array([b.size for b in blocks], dtype=np.float64)
+        weights = np.ones(len(blocks))
+        for _ in range(_PASSES):
+            covariance = weights @ products / counts.sum()
+            covariance[0] = covariance[0] * (1 + 1e-9) + 1e-30
+            ar = solve_toeplitz(covariance[:-1], covariance[1:])
+            whitener = np.concatenate(([1.0], -ar))
+            power = np.array([np.mean(np.convolve(b, whitener, 'valid') ** 2) for b in blocks])
+            weights = np.minimum(BURST * np.median(power) / np.maximum(power, 1e-300), 1.0)
+        whiteners.append(whitener)
+        sigmas.append(np.sqrt(max(float(covariance[0] - ar @ covariance[1:]), 1e-30)))
     return Weighting(np.maximum(np.array(sigmas), floor), tuple(whiteners))
+
+
+def _blocks(errors: Sequence[Array], order: int) -> list[Array]:
+    """Cut (N,) errors into about `_BLOCKS` blocks that are much longer than the model's order."""
+    longest = max(sum(e.size for e in errors) // _BLOCKS, _LONG * (order + 1))
+    return [b for e in errors for b in np.array_split(e, max(round(e.size / longest), 1))]
