@@ -90,6 +90,17 @@ def test_a_rival_that_gets_ahead_takes_the_place(monkeypatch, ahead, keys, left)
     assert rivals == left
 
 
+@pytest.mark.parametrize(('share', 'taken'), [(0.97, False), (0.93, True)])
+def test_a_pair_that_only_adds_an_effect_must_help_as_a_further_one(monkeypatch, share, taken):
+    """Here what takes the place of dry friction holds it: it must bring 5 %."""
+    engine, rung = exchange_of()
+    held = replace(rung.held, error_percent=share * rung.held.error_percent)
+    monkeypatch.setattr(exchange, 'ONLY_NOISE', 0.0)
+    monkeypatch.setattr(Exchange, 'substitutes', lambda *_: iter(()))
+    monkeypatch.setattr(Exchange, 'best_pair', lambda *_: replace(rung, held=held))
+    assert (engine.better(rung, (), {}) is not None) is taken
+
+
 def test_what_two_alike_fits_share_is_all():
     run = ({'speed': np.sin(np.arange(50.0))},)
     still = ({'speed': np.zeros(50) + 1e-3},)

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.apart import Compared
+from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     Level,
@@ -105,7 +106,7 @@ class Exchange:
                         rivals[key] = (*rivals.get(key, ()), trial.key)
                     self.compared[key, trial.key] = _compared(slim, rung, trial.rung)
             better = self.best_pair(key, level, scores, mine, rivals)
-            if better is not None and better.held.error_percent < rung.held.error_percent:
+            if better is not None and _runs_better(better, rung, key):
                 return climb(better.model, self.bench, rung.result.weighting)
         return None
 
@@ -246,6 +247,15 @@ class Exchange:
                 trial = self.trial(name, level, scores)
                 if trial and trial.passes and trial.delta_bic > gain - RIVAL_BIC:
                     yield trial
+
+
+def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:
+    """Whether a pair in the place of an effect lowers the held-out error.
+
+    One that holds the effect itself only adds the other: that must pass what a further one must.
+    """
+    least = MIN_FURTHER_GAIN_PERCENT if key in pair.model.effects else 0.0
+    return pair.held.error_percent < (1 - least / 100) * rung.held.error_percent
 
 
 def _beside(trial: Trial, rung: Rung) -> Trial:
