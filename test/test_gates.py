@@ -3,11 +3,14 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
+from bench_motor import MOTOR as BENCH_MOTOR
+from bench_motor import records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.gate import gate_note
+from motor_sysid.diagnosis.gate import gate_note, misfit_of_laws
 from motor_sysid.diagnosis.refit import Level
+from motor_sysid.diagnosis.rounds import accounted
 from motor_sysid.diagnosis.rung import climb, profile_cost, with_better_sensor
 from motor_sysid.diagnosis.setup import base_fit, make_bench, with_scales
 from motor_sysid.estimation.batch import coloured
@@ -126,3 +129,33 @@ def test_what_halves_the_training_error_need_not_help_everywhere():
     rare = {'gain': 10.0, 'certain': False, 'steady': 0.6}
     assert 'harms in other' in note(model, 'quadratic_drag', **rare)
     assert note(model, 'quadratic_drag', **rare, trained=2.4) == ''
+
+
+def test_a_neighbour_accounts_for_less_than_the_truth_does():
+    """Iron loss and dry friction, both against the motion, under the noise of the sensors."""
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench = make_bench(data, [], motor('brushed_dc'))
+    start = Model.base('brushed_dc', {**BENCH_MOTOR, 'omega_eps': 0.4})
+    bench = with_scales(bench, start)
+    base = climb(start, bench)
+    right = climb(base.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
+    wrong = climb(base.model.with_effect('iron_loss', {'k_x': 1e-4}), bench)
+    noise = right.result.weighting
+    assert accounted(base, right, bench, noise) > 0.99
+    assert 0.5 < accounted(base, wrong, bench, noise) < 0.95
+    assert accounted(base, base, bench, noise) == 0.0
+
+
+@pytest.mark.parametrize(
+    ('further', 'inherits', 'least'),
+    [
+        ('iron_loss', False, 400.0),  # a function of speed, as the model's dry friction
+        ('cogging_torque', False, 0.0),  # one of position
+        ('stribeck_friction', True, 0.0),  # the same law, mended
+    ],
+)
+def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(further, inherits, least):
+    model = with_effect('coulomb_friction', {'tau_c': 1e-3})
+    variant = SimpleNamespace(effect=effect(further), inherits=inherits)
+    found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6)
+    assert found == pytest.approx(least)

@@ -33,8 +33,8 @@ def rung(error_percent, unidentifiable=()):
     )
 
 
-def verdict(*rungs, left=NOISE, rivals=None, doubted=False):
-    return verdict_of([(one, []) for one in rungs], left, rivals or {}, doubted)
+def verdict(*rungs, left=NOISE, rivals=None, accounted=1.0, doubted=False):
+    return verdict_of([(one, []) for one in rungs], left, rivals or {}, accounted, doubted)
 
 
 # --- who wins
@@ -196,6 +196,20 @@ def test_a_doubted_effect_is_named_only_if_it_explains_nearly_all(after, said):
     """Of the squared error beyond noise: (100 - 9) / 99 and (100 - 4) / 99."""
     assert verdict(rung(10.0), rung(after), doubted=True) is said
     assert verdict(rung(10.0), rung(after)) is Verdict.EFFECT_MISSING
+
+
+@pytest.mark.parametrize(
+    ('after', 'accounted', 'said'),
+    [
+        (3.0, 0.94, Verdict.UNKNOWN_EFFECT),
+        (3.0, 0.96, Verdict.EFFECT_MISSING),
+        (2.0, 0.94, Verdict.EFFECT_MISSING),  # nearly all of the error itself
+    ],
+)
+def test_a_neighbour_leaves_more_than_a_twentieth_of_the_whitened_squares(
+    after, accounted, said
+):
+    assert verdict(rung(10.0), rung(after), accounted=accounted) is said
 
 
 @pytest.mark.parametrize(('before', 'said'), [(1.35, Verdict.COMPLETE),

@@ -16,7 +16,7 @@ from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.rounds import refitted, scored, unseen
+from motor_sysid.diagnosis.rounds import accounted, refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
     climb,
     exact,
@@ -167,7 +167,7 @@ class _Engine:
         rivals: dict[str, tuple[str, ...]] = {}
         start, reconsidered = rung.model.effects, False
         while True:
-            rung, trials = self.round(rung)
+            rung, trials = self.round(rung, ladder[0][0] if ladder else None)
             ladder.append((rung, trials))
             passing = [t for t in trials if t.passes]
             if len(ladder) > self.settings.max_effects:
@@ -204,14 +204,18 @@ class _Engine:
             )
         return self.conclude(ladder, rivals, doubted=len(doubted) == len(own) > 0)
 
-    def round(self, rung: Rung) -> tuple[Rung, list[Trial]]:
-        """Score every candidate and refit the best; return what they were added to, and them."""
+    def round(self, rung: Rung, base: Rung | None) -> tuple[Rung, list[Trial]]:
+        """Score every candidate and refit the best; return what they were added to, and them.
+
+        `base` is the fit without effects, once there are some.
+        """
         scores = self.score(rung)
         better = with_better_sensor(rung, self.bench, scores.weighting)
         if better is not rung:
             self.tell(f'the speed sensor is a {better.model.speed_sensor.value} one')
             rung, scores = better, self.score(better)
-        trials = refitted(scores, rung, self.bench, self.settings.refits, self.tell)
+        limit = self.settings.refits
+        trials = refitted(scores, rung, self.bench, limit, self.tell, base)
         self.tried[state_of(rung.model)] = trials
         return rung, trials
 
@@ -237,6 +241,7 @@ class _Engine:
         doubted: bool = False,
     ) -> Diagnosis:
         """Give the verdict on a finished ladder."""
+        share = self.accounted(ladder)
         if len(ladder) > 1:
             last, self.bench = exact(ladder[-1][0], self.bench)
             ladder[-1] = (polish(last, self.bench), ladder[-1][1])
@@ -247,7 +252,7 @@ class _Engine:
             for key, names in rivals.items()
             if key in final.model.effects
         }
-        verdict = verdict_of(ladder, left, rivals, doubted)
+        verdict = verdict_of(ladder, left, rivals, share, doubted)
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
         steps = tuple(
@@ -269,6 +274,12 @@ class _Engine:
         found = explained(found, steps, left, rivals, self.nominal, self.compared)
         wanted = next_experiment(verdict, ladder, rivals, self.train_records)
         return replace(found, experiment=wanted) if wanted else found
+
+    def accounted(self, ladder: Sequence[tuple[Rung, list[Trial]]]) -> float:
+        """Return the share of what is beyond noise that the last model explains."""
+        base, last = ladder[0][0], ladder[-1][0]
+        scores = self.seen[state_of(last.model)][1]
+        return accounted(base, last, self.bench, scores.weighting)
 
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""

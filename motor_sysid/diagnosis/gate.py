@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.rung import certainty, Rung, vanished
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect, Scale
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -26,6 +27,10 @@ and enough data show it."""
 MIN_WIDER_GAIN_PERCENT = 2.0
 """The same where the effect widens one that the model has: two extra parameters of a friction
 law first of all make up for what the narrower law has not right to the last detail."""
+
+FAITHFUL = 0.02
+"""No law follows its effect closer than this: the square of it, as a share of what the effects of
+a model explain, is what their misfit may look like another function of the same thing."""
 
 UNPHYSICAL = 'unphysical sign'
 
@@ -105,6 +110,17 @@ def _at_limit(model: Model, one: Effect) -> str:
         if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
             return f'{shape.name} ({shape.description})'
     return ''
+
+
+def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
+    """Return the gain that the misfit of a model's laws may make of a further effect.
+
+    What takes the place of one of them mends its law, and what is a function of something else
+    can make up for none.
+    """
+    axes = {effect(key).card.axis for key in model.effects}
+    like = scored.variant.effect.card.axis in axes and not scored.variant.inherits
+    return FAITHFUL**2 * explained if like else 0.0
 
 
 def gate_note(

@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.gate import (
     is_certain,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
+    misfit_of_laws,
     steadiness,
     UNPHYSICAL,
 )
@@ -106,21 +107,29 @@ class Level:
     cost, rows:
         Least whitened sum of squares of the model under that noise model, and its rows.  The model
         was fitted under a noise model of its own, which more must not be counted for an effect.
+    explained:
+        Decrease of that sum of squares by the effects that the model has.
     """
 
     rung: Rung
     weighting: Weighting
     cost: float
     rows: int
+    explained: float = 0.0
 
     @classmethod
-    def of(cls, rung: Rung, bench: Bench, weighting: Weighting) -> 'Level':
-        """Take the level of a fitted model."""
+    def of(
+        cls, rung: Rung, bench: Bench, weighting: Weighting, base: Rung | None = None
+    ) -> 'Level':
+        """Take the level of a fitted model; `base` is the fit that had no effects yet."""
         near = slopes(rung, bench)
         again = climb(rung.model, bench, weighting, briefly=True, near=near)
         costs = [profile_cost(one, bench, weighting) for one in (rung, again)]
         cost = min(cost if np.isfinite(cost) else np.inf for cost, _ in costs)
-        return cls(rung, weighting, cost, costs[0][1])
+        if base is None or base.model.effects == rung.model.effects:
+            return cls(rung, weighting, cost, costs[0][1])
+        before, _ = profile_cost(base, bench, weighting)
+        return cls(rung, weighting, cost, costs[0][1], before - cost)
 
     def gain(self, new: Rung, bench: Bench) -> float:
         """Return the gain in BIC of a fitted model with more parameters."""
@@ -241,7 +250,8 @@ def _judged(
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
-    note = gate_note(scored, new, rung, delta, gain, steady, certain, deep, bench.threshold)
+    threshold = max(bench.threshold, misfit_of_laws(scored, rung.model, level.explained))
+    note = gate_note(scored, new, rung, delta, gain, steady, certain, deep, threshold)
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 

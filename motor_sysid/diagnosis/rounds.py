@@ -1,17 +1,18 @@
 """One round of a diagnosis: score every candidate on a fitted model, refit the best."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 from motor_sysid.diagnosis.gate import ALIKE
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, Level, settled, Trial, try_roughly
-from motor_sysid.diagnosis.rung import Rung, slopes
+from motor_sysid.diagnosis.rung import profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import related, winner_of
+from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 
 Tell = Callable[[str], None]
@@ -46,14 +47,18 @@ def unseen(scores: Scores) -> set[str]:
     return keys - {one.variant.effect.key for one in scores.singles if one.overlap < ALIKE}
 
 
-def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -> list[Trial]:
+def refitted(
+    scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell, base: Rung | None = None
+) -> list[Trial]:
     """Refit at most `limit` effects, best score first, and then special cases of those.
+
+    `base` is the fit of the model that had no effects yet.
 
     Returns
     -------
     Those that pass before others, best first.
     """
-    level = Level.of(rung, bench, scores.weighting)
+    level = Level.of(rung, bench, scores.weighting, base)
     leaves = level.cost > ONLY_NOISE * level.rows
     chosen: list[list[Scored]] = []
     special: set[str] = set()
@@ -80,6 +85,8 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
 
     with ThreadPoolExecutor(WORKERS) as pool:
         trials = list(pool.map(roughly, chosen))
+        if leaves and not any(trial.passes for trial in trials):
+            trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
         winner = winner_of(passing) if passing else None
@@ -87,3 +94,28 @@ def refitted(scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell) -
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials
+
+
+def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
+    """Return the starts of effects, but for those that were tried, whose score promises nothing.
+
+    A finite trial (a delay, a lag) is scored beside base parameters that may have gone far astray
+    to make up for the effect: an inductance, say, for the lag of a sensor.
+    """
+    finite = [
+        one for one in scores.singles
+        if not one.variant.model.parameters.free and one.variant.effect.key not in tried
+    ]  # fmt: skip
+    return best_per_effect(finite, len(finite))
+
+
+def accounted(base: Rung, last: Rung, bench: Bench, weighting: Weighting) -> float:
+    """Return the share of what is beyond noise that a model explains, 0 to 1.
+
+    Of whitened squares, so that noise of the sensors and random loads hide nothing: both models
+    are judged under the noise that the whole dictionary leaves on the last one.
+    """
+    before, _ = profile_cost(base, bench, weighting)
+    after, rows = profile_cost(last, bench, weighting)
+    gained, left = max(before - after, 0.0), max(after - ONLY_NOISE * rows, 0.0)
+    return gained / max(gained + left, 1e-300)

@@ -27,7 +27,11 @@ HARMS = -1.0
 whatever its evidence: laws that are a little wrong leave traces in the noise that others fit."""
 
 NEARLY_ALL = 0.95
-"""Share of the squared error beyond sensor noise above which the only effect is not doubted."""
+"""Share of the squared error beyond noise, whitened or plain, that the truth explains: a wrong
+neighbour leaves more, and what explains more is not doubted."""
+
+FLOOR_SURE = 0.1
+"""Relative error of the square of the sensor noise that is read from the data."""
 
 EXPLAINED = 0.9
 """Share of the squared error beyond sensor noise that what is named must explain, where something
@@ -135,14 +139,16 @@ def verdict_of(
     ladder: Sequence[tuple[Rung, list[Trial]]],
     left: Remainder,
     rivals: Mapping[str, tuple[str, ...]],
+    accounted: float = 1.0,
     doubted: bool = False,
 ) -> Verdict:
     """Return what a ladder of fits, with what was tried on each, comes to.
 
     If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
-    does not explain nearly all, something is missing, but not that; unless all that the base model
-    leaves beyond the noise is a trifle.  Where base parameters are undetermined, what explains
-    nearly all is named all the same.
+    does not explain nearly all, something is missing, but not that; nor is it what is named if
+    that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
+    the base model leaves beyond the noise is a trifle, nothing is then missing.  Where base
+    parameters are undetermined, what explains nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -156,6 +162,8 @@ def verdict_of(
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
     larger = left.predictable * after > before - after
     doubted = (doubted or larger) and explained < NEARLY_ALL
+    surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
+    doubted = doubted or max(accounted, surely) < NEARLY_ALL
     if doubted and not structured and beyond < TRIFLE_PERCENT**2:
         return Verdict.COMPLETE
     if (structured and explained < EXPLAINED) or doubted:
