@@ -13,6 +13,7 @@ from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.rollout import simulate
 from motor_sysid.physics.stepper import Stepper
+from motor_sysid.physics.track import follow
 from motor_sysid.signals.record import Record
 
 MOTOR = {'R': 2.0, 'L': 6e-4, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5}
@@ -92,6 +93,19 @@ def test_steps_are_short_where_the_current_follows_the_input():
     coarse, fine, truth = speed(8), speed(16), speed(512)
     assert np.std(coarse - truth) < 1.5e-4 * np.std(truth)
     assert np.std(fine - truth) < 0.35 * np.std(coarse - truth)
+
+
+def test_a_followed_position_is_smooth_between_its_samples():
+    """A constant acceleration is followed exactly, but at the ends of the record."""
+    time = np.arange(8.0)
+    position, share, angle = 2 * time - 3 * time**2, np.array([0.0, 0.3, 1.0]), np.empty(3)
+    for sample in range(1, 6):
+        follow(3, position, sample, share, angle)
+        passed = sample + share
+        np.testing.assert_allclose(angle, 2 * passed - 3 * passed**2, atol=1e-12)
+    for sample, end in ((0, 1), (6, 7), (7, 7)):
+        follow(3, position, sample, share, angle)
+        np.testing.assert_allclose(angle[[0, 2]], position[[sample, end]])
 
 
 LAGS_AND_SPRINGS = {

@@ -22,6 +22,7 @@ from motor_sysid.estimation.batch import (
     Problem,
     Weighting,
 )
+from motor_sysid.estimation.batch.information import Information
 from motor_sysid.physics.effects import add_effect_file, catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
@@ -175,7 +176,9 @@ def test_a_linear_model_needs_no_finer_steps(cogging):
     assert exact(rung, bench)[1] is bench
 
 
-def still_between(first: float, last: float, moment: float) -> tuple[Problem, Weighting]:
+def still_between(
+    first: float, last: float, moment: float
+) -> tuple[Problem, Weighting, Information]:
     """Return a motor at rest between two times, whose inertia has grown at a moment."""
     model = a_motor({'inertia_change': {'g': 0.5, 't_on': moment, 'rise': 1e-3}})
     time = 1e-3 * np.arange(4000)
@@ -188,7 +191,8 @@ def still_between(first: float, last: float, moment: float) -> tuple[Problem, We
     )
     problem = Problem(known, [make_chain(record, model.kind, outputs)], outputs, substeps=2)
     fitted = fit(problem, iterations=3)
-    return Problem(fitted.model, problem.chains, outputs, substeps=2), fitted.weighting
+    fine = Problem(fitted.model, problem.chains, outputs, substeps=2)
+    return fine, fitted.weighting, fitted.information
 
 
 def sigma_of_moment(model: Model) -> float:
@@ -198,23 +202,23 @@ def sigma_of_moment(model: Model) -> float:
 
 
 def test_a_moment_at_which_nothing_moved_is_known_no_better_than_that():
-    problem, weighting = still_between(1.5, 2.5, 2.1)
-    honest = sigma_of_moment(with_honest_moments(problem, weighting))
+    problem, weighting, bound = still_between(1.5, 2.5, 2.1)
+    honest = sigma_of_moment(with_honest_moments(problem, weighting, bound))
     assert 0.25 * 0.7 < honest < 0.25 * 1.3
 
 
 def test_a_moment_in_motion_is_known_but_not_beyond_what_a_sample_resolves():
-    problem, weighting = still_between(0.0, 0.0, 2.1)
-    honest = sigma_of_moment(with_honest_moments(problem, weighting))
+    problem, weighting, bound = still_between(0.0, 0.0, 2.1)
+    honest = sigma_of_moment(with_honest_moments(problem, weighting, bound))
     assert 0.99e-3 / np.sqrt(12) < honest < 20e-3
 
 
 def test_moments_that_are_not_fitted_keep_their_errors():
-    problem, weighting = still_between(0.0, 0.0, 2.1)
+    problem, weighting, bound = still_between(0.0, 0.0, 2.1)
     fixed = problem.model.with_free(['inertia_change.t_on'], free=False)
     held = Problem(fixed, problem.chains, problem.outputs, substeps=2)
     before = fixed.parameters['inertia_change.t_on'].sigma
-    after = with_honest_moments(held, weighting).parameters['inertia_change.t_on'].sigma
+    after = with_honest_moments(held, weighting, bound).parameters['inertia_change.t_on'].sigma
     assert after == before
 
 

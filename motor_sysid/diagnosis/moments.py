@@ -5,12 +5,11 @@ the moment has steps and plateaus, on which a fit stays where it is.  A scan, ev
 as fitted, tells whether it is better elsewhere.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.batch import Linearization, Problem, Weighting
+from motor_sysid.estimation.batch import Problem, Weighting
+from motor_sysid.estimation.batch.information import Information
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -43,13 +42,16 @@ def with_best_moments(problem: Problem, weighting: Weighting) -> Model:
     return model
 
 
-def with_honest_moments(problem: Problem, weighting: Weighting) -> Model:
+def with_honest_moments(
+    problem: Problem, weighting: Weighting, bound: Information
+) -> Model:
     """Return the problem's model, fitted, with the standard error of each moment from a scan.
 
     The error is no parabola in a moment: where nothing moves it is flat, and beside that a
     staircase.  The standard error is a quarter of the stretch over which the error stays within
     what chance allows (95 %), and no less than what one sample resolves, nor than what the slope
-    of the error tells where there is one.
+    of the error tells where there is one.  Noise that is correlated makes chance larger: as much
+    as the standard error of the slope is larger than the `bound` for white noise.
     """
     model = problem.model
     free = [p.name for p in problem.free]
@@ -65,20 +67,15 @@ def with_honest_moments(problem: Problem, weighting: Weighting) -> Model:
         cloud = np.repeat(z[np.newaxis, :], _GRID, axis=0)
         lower, upper = (bound[at] for bound in problem.box())
         cloud[:, at] = np.clip(z[at] + dt * spread, lower, upper)
-        inside = problem.costs(cloud, weighting, near) < _least(problem, z, weighting, near)
-        width = float(np.ptp(cloud[inside, at])) if inside.any() else 0.0
         p = model.parameters[name]
-        error = max(0.25 * width, dt / np.sqrt(12.0)) * float(problem.slope(z)[at])
         linear = p.sigma if p.sigma is not None and p.sigma < p.upper - p.lower else 0.0
+        chance = _CHANCE * max(linear / float(bound.bound[at]), 1.0) ** 2
+        least = float(problem.costs(z[np.newaxis, :], weighting, near)[0])
+        inside = problem.costs(cloud, weighting, near) < least + chance
+        width = float(np.ptp(cloud[inside, at])) if inside.any() else 0.0
+        error = max(0.25 * width, dt / np.sqrt(12.0)) * float(problem.slope(z)[at])
         found[name] = max(linear, error)
     return model.with_estimates({}, found)
-
-
-def _least(
-    problem: Problem, z: Array, weighting: Weighting, near: Sequence[Linearization]
-) -> float:
-    """Return the weighted sum of squares that chance allows, 95 %."""
-    return float(problem.costs(z[np.newaxis, :], weighting, near)[0]) + _CHANCE
 
 
 def _moved(problem: Problem, model: Model, at: int, weighting: Weighting) -> Model:

@@ -18,6 +18,7 @@ from motor_sysid.estimation.batch import (
     Weighting,
 )
 from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -183,7 +184,8 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     """Fit the last model with signs so sharp and steps so fine that they hardly move a parameter.
 
     How far they would is told by the derivatives: a change of the outputs moves the parameters as
-    far as it lies along them.  What sharper signs could still move is part of the standard error.
+    far as it lies along them.  What sharper signs and finer steps could still move is part of the
+    standard error, and so is noise that is correlated for long.
     """
     near, weighting = slopes(rung, bench), rung.result.weighting
     problem = bench.problem(rung.model)
@@ -207,14 +209,27 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     if steps != bench.substeps or model is not rung.model:
         bench = replace(bench, substeps=steps)
         last = climb(model, bench, weighting, briefly=True)
+    if steps == FINEST:
+        runs = [_residuals(last.model, bench, n) for n in (FINER_BY * steps, steps)]
+        blunt = np.hypot(blunt, moves(_differences(*runs)))
+    return replace(last, result=_honest(last, bench, blunt)), bench
+
+
+def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
+    """Return a fit with standard errors for noise that is correlated for long.
+
+    `blunt` (p,) holds errors of the integration that are added to them.
+    """
+    problem, weighting = bench.problem(rung.model), rung.result.weighting
+    near = slopes(rung, bench)
+    spread = describe(problem, problem.vector(), weighting, near, stationary=True)
     told = {
-        p.name: float(np.hypot(p.sigma, extra))
-        for p, extra in zip(last.model.parameters.free, blunt, strict=True)
-        if p.sigma is not None
+        p.name: float(np.hypot(s, extra))
+        for p, s, extra in zip(problem.free, spread.sigma, blunt, strict=True)
     }
-    model = last.model.with_estimates({}, told)
-    honest = with_honest_moments(bench.problem(model), last.result.weighting)
-    return replace(last, result=replace(last.result, model=honest)), bench
+    sure = bench.problem(rung.model.with_estimates({}, told))
+    model = with_honest_moments(sure, weighting, spread.information)
+    return replace(rung.result, model=model, covariance=spread.covariance)
 
 
 def _sharper(model: Model) -> Model:

@@ -27,6 +27,7 @@ from motor_sysid.physics.effect import ARGUMENTS
 from motor_sysid.physics.implicit import JUMP, prepare, ROWS, secants, settle
 from motor_sysid.physics.native import as_pointer, call_lane, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
+from motor_sysid.physics.track import follow
 
 CHUNK = 3
 """Products that are summed at a time."""
@@ -106,7 +107,7 @@ def run_block(  # type: ignore[no-untyped-def]
     answers = np.zeros(m, dtype=np.bool_)
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
-    now, h, here, there = np.zeros((4, LANES))
+    now, h, here, there, passed = np.zeros((5, LANES))
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = speed_row = -1
     for j in range(n):
@@ -155,11 +156,12 @@ def run_block(  # type: ignore[no-untyped-def]
                 h[k] = width[piece, k]
                 p[time_at + k] = now[k]
             if follows:
-                base_position = position[sample]
-                slope = (position[min(sample + 1, position.shape[0] - 1)] - base_position) / dt
                 for k in range(wide):
-                    here[k] = base_position + slope * (now[k] - begins)
-                    there[k] = here[k] + slope * h[k]
+                    passed[k] = (now[k] - begins) / dt
+                follow(wide, position, sample, passed, here)
+                for k in range(wide):
+                    passed[k] += h[k] / dt
+                follow(wide, position, sample, passed, there)
 
             # stage 0: every law at the state
             load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.information import Information, of_curvature
 from motor_sysid.estimation.batch.problem import Linearization, Problem
+from motor_sysid.estimation.batch.stationary import stationary_scores
 from motor_sysid.estimation.batch.weighting import Weighting
 
 Array = NDArray[np.float64]
@@ -78,14 +79,24 @@ def scores_of(near: Sequence[Linearization], weighting: Weighting) -> Scores:
 
 
 def describe(
-    problem: Problem, z: Array, weighting: Weighting, near: Sequence[Linearization]
+    problem: Problem,
+    z: Array,
+    weighting: Weighting,
+    near: Sequence[Linearization],
+    *,
+    stationary: bool = False,
 ) -> Spread:
     """Return the spread at a solution.
 
     The covariance is ``H^-1 S H^-1`` with ``S`` the sum over time blocks of the outer product of
-    each block's score: it holds for errors that are correlated over less than a block.
-    (White 1980; Liang and Zeger 1986, doi:10.1093/biomet/73.1.13.)  A prior of precision ``P``
-    adds ``P`` to ``H`` and to ``S``.
+    each block's score: it holds for errors that are correlated over less than a block, and for
+    parameters that many blocks tell of.  (White 1980; Liang and Zeger 1986,
+    doi:10.1093/biomet/73.1.13.)  A prior of precision ``P`` adds ``P`` to ``H`` and to ``S``.
+
+    With `stationary` the same is taken of errors that are stationary noise, however long
+    correlated, and each standard deviation is the larger of the two, for the sandwich alone says
+    too little where few blocks count.  (Angrist and Pischke, Mostly Harmless Econometrics, 2009,
+    section 8.1.)
     """
     found = scores_of(near, weighting)
     curvature, scores = found.curvature + problem.precision, found.blocks
@@ -103,12 +114,24 @@ def describe(
     if problem.prior is not None:
         whole = inverse / np.outer(size, size)
         covariance = covariance + whole @ problem.precision @ whole
+    if stationary:
+        whole = inverse / np.outer(size, size)
+        noise = whole @ stationary_scores(near, weighting) @ whole
+        covariance = _at_least(covariance, noise + whole @ problem.precision @ whole)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     unseen = np.diag(curvature) <= 1e-12 * np.max(np.diag(curvature))
     sigma[unseen] = np.inf
     told = of_curvature(curvature, names, slope)
     words = (*told.words(), *_vague(problem, told.words(), sigma, slope))
     return Spread(sigma, covariance * np.outer(slope, slope), words, told)
+
+
+def _at_least(covariance: Array, other: Array) -> Array:
+    """Return a covariance with its correlations, and variances of at least the other's."""
+    own = np.maximum(np.diag(covariance), 1e-300)
+    factor = np.sqrt(np.maximum(np.diag(other) / own, 1.0))
+    raised: Array = covariance * np.outer(factor, factor)
+    return raised
 
 
 def _vague(

@@ -7,11 +7,9 @@ a vector that turns on by 60 degrees with the sign of each phase: its sixth harm
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
-from motor_sysid.physics.laws import cos, law_function, sin, sqrt, third_phase
+from motor_sysid.physics.laws import clip, cos, law_function, sin, third_phase
 
 ROOT_3 = 1.7320508075688772
-ROUND = 2.5e-3
-"""Square of the width of the corners, in units of the current at which they lie."""
 
 CARD = Card(
     title='inverter dead time',
@@ -33,8 +31,7 @@ CARD = Card(
 @law_function
 def sign_of(i: float, i_0: float) -> float:
     """Sign of a current that the ripple takes through zero below `i_0`."""
-    x = i / i_0
-    return 0.5 * (sqrt((x + 1.0) ** 2 + ROUND) - sqrt((x - 1.0) ** 2 + ROUND))
+    return clip(i / i_0, -1.0, 1.0)
 
 
 def voltage(i: float, v_d: float, i_0: float) -> float:

@@ -1,0 +1,73 @@
+"""Stated standard errors against the spread of estimates, for noise that is long correlated."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.estimation.batch.problem import Linearization
+from motor_sysid.estimation.batch.stationary import stationary_scores
+from motor_sysid.estimation.batch.weighting import Weighting
+
+COUNT, RUNS = 3000, 120
+WHITE = Weighting(np.ones(2))
+
+
+def regressors() -> np.ndarray:
+    """Return (N, 2, 3) derivatives: a constant, what happens at one moment, and a fast wave."""
+    t = np.arange(COUNT)
+    pulse = np.where(t > 1200, np.exp(-np.maximum(t - 1200, 0) / 30), 0.0)
+    columns = np.column_stack((np.ones(COUNT), pulse, np.sin(t)))
+    return np.stack((columns, 0.5 * columns), axis=1)
+
+
+def errors(rng: np.random.Generator, memory: float) -> np.ndarray:
+    """Return (N, 2) errors: noise of a memory in samples that both outputs show, and white."""
+    keep = np.exp(-1 / memory)
+    common = rng.normal(size=COUNT) * np.sqrt(1 - keep**2)
+    for k in range(1, COUNT):
+        common[k] += keep * common[k - 1]
+    return np.column_stack((common, -common)) + 0.3 * rng.normal(size=(COUNT, 2))
+
+
+def scatter(memory: float) -> np.ndarray:
+    """Return (RUNS, 3) errors of least squares in units of their stated standard errors."""
+    rng, slope = np.random.default_rng(8), regressors()
+    flat, found = slope.reshape(-1, 3), []
+    inverse = np.linalg.inv(flat.T @ flat)
+    for _ in range(RUNS):
+        error = errors(rng, memory)
+        off = inverse @ flat.T @ error.ravel()
+        near = Linearization(error - slope @ off, slope, np.empty((COUNT, 2, 0)))
+        spread = inverse @ stationary_scores([near], WHITE) @ inverse
+        found.append(off / np.sqrt(np.diag(spread)))
+    return np.array(found)
+
+
+@pytest.mark.parametrize('memory', [0.1, 30.0])
+def test_standard_errors_hold_for_noise_that_is_correlated_for_long(memory):
+    """The seed is fixed; by chance one of six means would be outside once in 200 draws."""
+    z = scatter(memory)
+    assert np.all(np.abs(np.mean(z**2, axis=0) - 1) < 0.45)
+    assert np.all(np.mean(np.abs(z) < 1.96, axis=0) > 0.88)
+
+
+def test_the_sum_over_lags_is_what_it_says():
+    rng = np.random.default_rng(2)
+    error, slope = rng.normal(size=(60, 2)), rng.normal(size=(60, 2, 2))
+    error[:, 1] += np.roll(error[:, 0], 2)
+    near = Linearization(error, slope, np.empty((60, 2, 0)))
+    found = stationary_scores([near], WHITE)
+    most = 6
+    x = np.abs(np.arange(-most, most + 1)) / most
+    window = np.where(x < 0.5, 1 - 6 * x**2 * (1 - x), 2 * (1 - x) ** 3)
+
+    def product(lag: int) -> np.ndarray:
+        early, late = error[max(-lag, 0) : 60 - max(lag, 0)], error[max(lag, 0) : 60 + min(lag, 0)]
+        return early.T @ late / 60 * window[lag + most]
+
+    expected = sum(
+        slope[t].T @ product(s - t) @ slope[s]
+        for t in range(60) for s in range(60) if abs(s - t) <= most
+    )  # fmt: skip
+    ratio = found / (0.5 * (expected + expected.T))
+    np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-9)
+    assert 1.0 < ratio[0, 0] < 1.1
