@@ -6,7 +6,7 @@ from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
 from motor_sysid.diagnosis.drawn import Where
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import best_per_effect, Level, Trial, try_effect
-from motor_sysid.diagnosis.rung import climb, judge, Rung
+from motor_sysid.diagnosis.rung import climb, exact, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import (
     base_fit,
@@ -47,8 +47,10 @@ def fit_model(
 ) -> Rung:
     """Fit a model, or the linear model of a motor kind with the named effects.
 
-    Each effect is started from what its score proposes, so that a fit does not stay at zero.  Any
-    other `method` (key of `motor_sysid.estimation.batch.METHODS`) begins where least squares end.
+    Each effect is started from what its score proposes, so that a fit does not stay at zero.  As
+    at the end of a diagnosis, steps and signs are so fine that they hardly move a parameter, and
+    standard errors hold for correlated noise.  Any other `method` (key of
+    `motor_sysid.estimation.batch.METHODS`) begins where least squares end.
 
     Returns
     -------
@@ -59,8 +61,10 @@ def fit_model(
     for key in effects:
         if key not in rung.model.effects:
             rung = _tried(rung, key, bench).rung
+    if rung.model.effects:
+        rung = with_better_sensor(rung, bench, rung.result.weighting)
     if method == 'least_squares':
-        return rung
+        return exact(rung, bench)[0]
     stretches = [s for chain in bench.train_free for s in chain if s.scored]
     return judge(refit(rung.model, [s.record for s in stretches], method), bench)
 

@@ -283,7 +283,7 @@ class Program:
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:
             late, width = self._delays(full, dt)
-        width = np.concatenate([np.outer(graded(parts), piece) for piece in width]) / substeps
+        width = graded(width, parts, even=bool(self.kind.wave)) / substeps
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))

@@ -33,15 +33,20 @@ class Workspace:
         return self.matrices[1][0, :, :, 0]
 
 
-def graded(parts: int) -> Array:
-    """Return (parts,) shares of a sample, in proportion to the odd numbers.
+def graded(width: Array, parts: int, *, even: bool = False) -> Array:
+    """Cut pieces (S, W) of a sample in `parts` each, in proportion to the odd numbers.
 
-    The input changes at the start of a sample, and the current follows within its own time
+    The input changes at the start of a piece, and the current follows within its own time
     constant, which may be a hundredth of the sample: there the parts are shortest.  Twice as many
-    are half as long throughout, so that the error falls with the square of their number.
+    are half as long throughout, so that the error falls with the square of their number.  Laws that
+    turn with the angle, as those of three phases do, change all the time: their parts are `even`.
+
+    Returns
+    -------
+    (S parts, W) lengths.
     """
-    shares: Array = np.diff(np.linspace(0.0, 1.0, parts + 1) ** 2)
-    return shares
+    shares = np.diff(np.linspace(0.0, 1.0, parts + 1) ** (1 if even else 2))
+    return np.concatenate([np.outer(shares, piece) for piece in width])
 
 
 def filled(push: Array) -> Array:
