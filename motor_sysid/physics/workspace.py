@@ -38,8 +38,9 @@ def graded(width: Array, parts: int, *, even: bool = False) -> Array:
 
     The input changes at the start of a piece, and the current follows within its own time
     constant, which may be a hundredth of the sample: there the parts are shortest.  Twice as many
-    are half as long throughout, so that the error falls with the square of their number.  Laws that
-    turn with the angle, as those of three phases do, change all the time: their parts are `even`.
+    are half as long throughout, so that the error falls with the square of their number.  Laws
+    that turn with the angle, as those of three phases do, change all the time: their parts are
+    `even`.
 
     Returns
     -------
