@@ -9,6 +9,7 @@ start.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +20,7 @@ from motor_sysid.diagnosis.residual import (
     rates_of,
     unexplained,
 )
+from motor_sysid.diagnosis.rhythm import is_rhythm
 from motor_sysid.estimation.batch import Linearization, Problem
 from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.model import Model
@@ -91,7 +93,9 @@ def proposals(
                 lacks[force] = _lacks(model, records, force)
             found[one.key] = _moments(one, force, lacks[force], scales)
         else:
-            found[one.key] = matched().frequencies(force, FREQUENCIES)
+            likely = matched().frequencies(force, 4 * FREQUENCIES)
+            own = (f for f in likely if not is_rhythm(records, f))
+            found[one.key] = tuple(islice(own, FREQUENCIES))
     return found
 
 

@@ -1,0 +1,42 @@
+"""A load that comes at the rhythm of the reference may be an effect of the motion."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis.rhythm import is_rhythm
+from motor_sysid.signals.record import Record
+
+DT, PERIOD = 0.005, 3.1
+
+
+def record(reference: np.ndarray) -> Record:
+    t = DT * np.arange(reference.size)
+    return Record(t, {'speed_reference': reference}, {'speed_reference': 'rad/s'})
+
+
+def back_and_forth() -> np.ndarray:
+    t = DT * np.arange(6000)
+    return np.where((t % PERIOD) < PERIOD / 2, 1.0, -1.0) * (1 + 0.02 * t)
+
+
+@pytest.mark.parametrize('waves', [1, 2, 3, 4])
+def test_harmonics_of_the_motion_are_its_rhythm(waves):
+    assert is_rhythm([record(back_and_forth())], waves / PERIOD)
+
+
+@pytest.mark.parametrize('frequency', [0.43, 2.1, 6.0, 23.1])
+def test_other_frequencies_are_not(frequency):
+    assert not is_rhythm([record(back_and_forth())], frequency)
+
+
+def test_a_random_reference_has_no_rhythm():
+    """By chance one line in 1e15 stands out as far; 200 are looked at."""
+    levels = np.repeat(np.random.default_rng(5).uniform(-1, 1, 60), 100)
+    one = record(levels)
+    assert not any(is_rhythm([one], f) for f in np.linspace(0.2, 20, 200))
+
+
+def test_without_a_reference_nothing_is_left_out():
+    t = DT * np.arange(1000)
+    record = Record(t, {'voltage': np.sin(9 * t)}, {'voltage': 'V'})
+    assert not is_rhythm([record], 9 / (2 * np.pi))
