@@ -1,10 +1,18 @@
 """What one round of a diagnosis tries."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
+from bench_motor import MOTOR, records
+import numpy as np
+import pytest
+
 from motor_sysid.diagnosis.rounds import unpromised
-from motor_sysid.diagnosis.score import Scored, Scores
+from motor_sysid.diagnosis.score import score, Scored, Scores
+from motor_sysid.diagnosis.setup import make_bench
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors import motor
 
 
 def a_score(key, delta_bic, *, finite):
@@ -24,3 +32,16 @@ def test_where_nothing_passes_finite_trials_get_a_turn_whatever_their_score():
     ]  # fmt: skip
     found = unpromised(Scores(singles, [], None), {'quadratic_drag', 'input_delay'})
     assert [[one.delta_bic for one in starts] for starts in found] == [[-5.0, -7.0]]
+
+
+def test_a_start_that_is_off_is_no_noise():
+    moving = [one.slice(300, 2000) for one in records({}, seconds=3.0)]
+    bench = make_bench(moving, [], motor('brushed_dc'))
+    problem = bench.problem(Model.base('brushed_dc', MOTOR))
+    rng, z = np.random.default_rng(4), problem.vector()
+    near = []
+    for one in problem.linearize(z):
+        assert one.start.shape[2] > 0
+        off = one.start @ np.full(one.start.shape[2], 1e3)
+        near.append(replace(one, residual=off + 0.1 * rng.normal(size=one.residual.shape)))
+    assert score(problem, z, [], near).weighting.sigma == pytest.approx(0.1, rel=0.1)

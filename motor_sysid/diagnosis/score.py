@@ -159,7 +159,8 @@ def _windows(parts: Sequence[Array]) -> list[Array]:
 def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weighting) -> Weighting:
     """Fit the noise model to what base parameters and the whole dictionary leave.
 
-    The first column of each `raw` (N, n_y, 1 + K) is the residual.
+    The first column of each `raw` (N, n_y, 1 + K) is the residual; where a stretch started is at
+    its best, too.
     """
     gram = weighting.gram(raw, starts)
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
@@ -167,8 +168,11 @@ def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weightin
     scaled = gram / np.outer(scale, scale)
     coefficients = np.linalg.lstsq(scaled[1:, 1:], scaled[1:, 0], rcond=1e-8)[0]
     coefficients = coefficients * scale[0] / scale[1:]
-    left = [part[:, :, 0] - part[:, :, 1:] @ coefficients for part in raw]
-    return coloured(left, AR_ORDER)
+    left = [
+        Linearization(part[:, :, 0] - part[:, :, 1:] @ coefficients, part[:, :, :0], start)
+        for part, start in zip(raw, starts, strict=True)
+    ]
+    return coloured([Problem.settled(one, weighting) for one in left], AR_ORDER)
 
 
 @dataclass(frozen=True)
