@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.rhythm import is_rhythm
+from motor_sysid.diagnosis.rhythm import Rhythms
 from motor_sysid.signals.record import Record
 
 DT, PERIOD = 0.005, 3.1
@@ -21,22 +21,22 @@ def back_and_forth() -> np.ndarray:
 
 @pytest.mark.parametrize('waves', [1, 2, 3, 4])
 def test_harmonics_of_the_motion_are_its_rhythm(waves):
-    assert is_rhythm([record(back_and_forth())], waves / PERIOD)
+    assert Rhythms([record(back_and_forth())]).has(waves / PERIOD)
 
 
 @pytest.mark.parametrize('frequency', [0.43, 2.1, 6.0, 23.1])
 def test_other_frequencies_are_not(frequency):
-    assert not is_rhythm([record(back_and_forth())], frequency)
+    assert not Rhythms([record(back_and_forth())]).has(frequency)
 
 
 def test_a_random_reference_has_no_rhythm():
     """By chance one line in 1e15 stands out as far; 200 are looked at."""
     levels = np.repeat(np.random.default_rng(5).uniform(-1, 1, 60), 100)
-    one = record(levels)
-    assert not any(is_rhythm([one], f) for f in np.linspace(0.2, 20, 200))
+    rhythms = Rhythms([record(levels)])
+    assert not any(rhythms.has(f) for f in np.linspace(0.2, 20, 200))
 
 
 def test_without_a_reference_nothing_is_left_out():
     t = DT * np.arange(1000)
     record = Record(t, {'voltage': np.sin(9 * t)}, {'voltage': 'V'})
-    assert not is_rhythm([record], 9 / (2 * np.pi))
+    assert not Rhythms([record]).has(9 / (2 * np.pi))

@@ -20,7 +20,7 @@ from motor_sysid.diagnosis.residual import (
     rates_of,
     unexplained,
 )
-from motor_sysid.diagnosis.rhythm import is_rhythm
+from motor_sysid.diagnosis.rhythm import Rhythms
 from motor_sysid.estimation.batch import Linearization, Problem
 from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.model import Model
@@ -75,6 +75,7 @@ def proposals(
     model = problem.model
     matched = cache(lambda: Matched(problem, near))
     plain = cache(lambda: Matched(problem, near, plain=True))
+    rhythms = cache(lambda: Rhythms(records))
     found: dict[str, tuple[float, ...]] = {}
     lacks: dict[str, list[_Lack]] = {}
     for one in map(model.kind.taking, effects):
@@ -94,7 +95,7 @@ def proposals(
             found[one.key] = _moments(one, force, lacks[force], scales)
         else:
             likely = matched().frequencies(force, 4 * FREQUENCIES)
-            own = (f for f in likely if not is_rhythm(records, f))
+            own = (f for f in likely if not rhythms().has(f))
             found[one.key] = tuple(islice(own, FREQUENCIES))
     return found
 

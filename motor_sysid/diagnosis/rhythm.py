@@ -18,28 +18,50 @@ LINE, REACH = 50.0, 20
 inverse of the record's length) to either side; noise has 50 once in 1e15."""
 
 _WIDTH, _LOBE = 1.5, 5.0
+_FINER = 2
 
 
-def is_rhythm(records: Sequence[Record], frequency: float) -> bool:
-    """Whether a reference moves at a frequency in Hz, or at a half, a third or a quarter of it."""
-    return any(
-        stands_out(record[name], frequency / n * record.dt)
-        for record in records
-        for name in moving_references(record)
-        for n in range(1, HARMONICS + 1)
-    )
+class Rhythms:
+    """The lines in the spectra of recorded references.
+
+    Parameters
+    ----------
+    records:
+        Uniform records.
+    """
+
+    def __init__(self, records: Sequence[Record]) -> None:
+        self._spectra = [
+            (record.dt * len(record), _spectrum(record[name]))
+            for record in records
+            for name in moving_references(record)
+        ]
+
+    def has(self, frequency: float) -> bool:
+        """Whether a reference moves at a frequency in Hz, or at 1/2, 1/3 or 1/4 of it."""
+        return any(
+            _stands_out(power, frequency * duration / n)
+            for duration, power in self._spectra
+            for n in range(1, HARMONICS + 1)
+        )
 
 
-def stands_out(values: Array, frequency: float) -> bool:
-    """Whether a line of (N,) values stands out of its surroundings; `frequency` is per sample."""
+def _spectrum(values: Array) -> Array:
+    """Return the power of (N,) values, `_FINER` times as many lines as they tell apart."""
     size = values.size
-    near = frequency + np.arange(-REACH, REACH + 1) / size
-    near = near[(near > _WIDTH / size) & (near < 0.5)]
-    at = np.abs(near - frequency) * size < _WIDTH
+    waves = np.fft.rfft((values - values.mean()) * np.hanning(size), _FINER * size)
+    power: Array = np.abs(waves) ** 2
+    return power
+
+
+def _stands_out(power: Array, line: float) -> bool:
+    """Whether a line stands out of its surroundings; `line` is its number in the record."""
+    first = max(int(_FINER * (line - REACH)), round(_WIDTH * _FINER))
+    near = np.arange(first, min(int(_FINER * (line + REACH)) + 2, power.size))
+    away = np.abs(near / _FINER - line)
+    at = away < _WIDTH
     if not at.any() or at.all():
         return False
-    waves = np.exp(-2j * np.pi * np.outer(near, np.arange(size)))
-    power = np.abs(waves @ ((values - values.mean()) * np.hanning(size))) ** 2
-    beside = np.abs(near - frequency) * size < _LOBE
-    peak = float(np.max(power[at]))
-    return bool(peak > LINE * np.median(power) and peak >= np.max(power[beside]))
+    peak = float(np.max(power[near[at]]))
+    tall = peak > LINE * np.median(power[near])
+    return bool(tall and peak >= np.max(power[near[away < _LOBE]]))
