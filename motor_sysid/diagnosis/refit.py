@@ -19,7 +19,7 @@ from motor_sysid.diagnosis.gate import (
     UNPHYSICAL,
 )
 from motor_sysid.diagnosis.matched import TOP_ORDER
-from motor_sysid.diagnosis.rung import climb, judge, profile_cost, Rung, slopes
+from motor_sysid.diagnosis.rung import climb, judge, profile_cost, Rung, slopes, some_of
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
@@ -32,7 +32,7 @@ from motor_sysid.estimation.batch import (
     white,
 )
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
-from motor_sysid.physics.effect import Effect, Scale
+from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -44,9 +44,6 @@ several starts is chosen."""
 
 MOMENTS_APART = 100
 """Moments of a record that can be told apart: what matters lasts a hundredth of it."""
-
-_FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
-"""Scales of parameters that tell of a memory that fades within some samples."""
 
 MANY, STARTS, WORTH = 4, 3, 0.5
 """Variants above which an effect is refitted from several of them, how many at most, and what
@@ -183,8 +180,7 @@ def _rough_fit(
     model: Model, weighting: Weighting, bench: Bench, steps: int, *, reweight: int = 1
 ) -> FitResult:
     """Fit a model to some of the data; to all, where an effect remembers for long."""
-    lasting = any(_lasts(effect(key)) for key in model.effects)
-    chains = bench.train if lasting else bench.rough
+    chains = some_of(bench, model)
     problem = Problem(model, chains, bench.outputs, substeps=bench.substeps, one_sided=True)
     return fit(problem, weighting, reweight=reweight, iterations=steps, tolerance=ROUGH)
 
@@ -199,12 +195,6 @@ def _standing(rough: FitResult, bench: Bench) -> Rung:
     cost = normal_equations(near, weighting)[2]
     at = Solution(problem.vector(), cost, False, 0, 0, near)
     return judge(result_at(problem, weighting, at, rough.simulations, 0), bench, near)
-
-
-def _lasts(one: Effect) -> bool:
-    """Whether an effect cannot be seen in pieces of a record: what it does depends on long ago."""
-    fast = any(p.scale in _FAST for p in one.card.parameters)
-    return bool(one.card.moment) or bool(one.card.states and not fast)
 
 
 def try_pair(

@@ -44,6 +44,10 @@ _FOLDS = 12
 _ROWS = 12_000
 """Blocks of cross-validation; rows that are looked at of long records."""
 
+STILL = 1e-9
+"""Spread of a feature over the training data, in units of the largest, below which it tells
+nothing there."""
+
 STRUCTURE = 0.1
 """Share of the remaining error that must be predictable before it is called missing physics."""
 
@@ -146,8 +150,10 @@ def _predictable(
     xv, yv = _regression(held, chains[1], orders, stride)
     if len(x) < 4 * x.shape[1] or len(xv) < 20:
         return 1.0  # too short to tell: what is beyond the noise is not to be called noise
-    middle, spread = x.mean(axis=0), x.std(axis=0) + 1e-12
-    x, xv = (x - middle) / spread, (xv - middle) / spread
+    middle, spread = x.mean(axis=0), x.std(axis=0)
+    moves = spread > STILL * np.max(spread)
+    middle, spread = middle[moves], spread[moves]
+    x, xv = (x[:, moves] - middle) / spread, (xv[:, moves] - middle) / spread
     gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
     offset = y.mean(axis=0)
     guess = offset + xv @ np.linalg.solve(gram, x.T @ (y - offset))

@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.compare import compare, Comparison, comparison_of
 from motor_sysid.diagnosis.moments import with_best_moments, with_honest_moments
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
+    Chain,
     fit,
     fit_and_slopes,
     FitResult,
@@ -19,6 +20,7 @@ from motor_sysid.estimation.batch import (
 )
 from motor_sysid.estimation.batch.least_squares import normal_equations
 from motor_sysid.estimation.batch.uncertainty import describe
+from motor_sysid.physics.effect import Scale
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -48,6 +50,9 @@ WIDTHS = ('omega_eps', 'i_eps')
 
 FINER_BY = 8
 """How much finer steps must change nothing, so that steps are fine enough."""
+
+_FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
+"""Scales of parameters that tell of a memory that fades within some samples."""
 
 ROUNDING = 0.1
 """Error of the integration, as a share of what is left, that is not worth finer steps."""
@@ -161,7 +166,7 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     What smoothing and integration do would count as missing physics; it may be a tenth of the
     remaining error.  Some of the data tell.
     """
-    some = replace(bench, train=bench.rough or bench.train)
+    some = replace(bench, train=some_of(bench, rung.model))
 
     def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
         changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
@@ -185,9 +190,10 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
 
     How far they would is told by the derivatives: a change of the outputs moves the parameters as
     far as it lies along them.  What sharper signs and finer steps could still move is part of the
-    standard error, and so is noise that is correlated for long.
+    standard error, and so is noise that is correlated for long.  Some of the data tell.
     """
-    near, weighting = slopes(rung, bench), rung.result.weighting
+    some, weighting = replace(bench, train=some_of(bench, rung.model)), rung.result.weighting
+    near = slopes(rung if some.train is bench.train else replace(rung, near=()), some)
     problem = bench.problem(rung.model)
     slope = np.abs(problem.slope(problem.vector()))
     sigma = np.array([p.sigma if p.sigma else np.inf for p in problem.free])
@@ -202,15 +208,15 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     last, model, blunt = rung, rung.model, np.zeros(sigma.size)
     sharp = _sharper(model)
     if sharp is not model:
-        move = moves(_differences(_residuals(sharp, bench), _residuals(model, bench)))
+        move = moves(_differences(_residuals(sharp, some), _residuals(model, some)))
         if np.any(move > MOVE * sigma):
             model, blunt = sharp, move / (SHARPER - 1)
-    steps = _steps(model, bench, FINEST, small)
+    steps = _steps(model, some, FINEST, small)
     if steps != bench.substeps or model is not rung.model:
         bench = replace(bench, substeps=steps)
         last = climb(model, bench, weighting, briefly=True)
     if steps == FINEST:
-        runs = [_residuals(last.model, bench, n) for n in (FINER_BY * steps, steps)]
+        runs = [_residuals(last.model, some, n) for n in (FINER_BY * steps, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
     return replace(last, result=_honest(last, bench, blunt)), bench
 
@@ -267,6 +273,19 @@ def _steps(
             break
         steps *= 2
     return steps
+
+
+def some_of(bench: Bench, model: Model) -> tuple[Chain, ...]:
+    """Return some of the training data; all where an effect of the model remembers for long.
+
+    What such an effect does depends on long ago: it cannot be seen in pieces of a record.
+    """
+    cards = [effect(key).card for key in model.effects]
+    lasting = any(
+        card.moment or (card.states and not any(p.scale in _FAST for p in card.parameters))
+        for card in cards
+    )
+    return bench.train if lasting or not bench.rough else bench.rough
 
 
 def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
