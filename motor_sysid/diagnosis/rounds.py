@@ -23,6 +23,9 @@ WORKERS = 2
 ONLY_NOISE = 1.02
 """Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
 
+SURELY_MORE = 1.04
+"""The same from which on a model leaves something for certain: a noise model is that much off."""
+
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
 this much behind it, or if it is a wider or a narrower form of the winner: it is no rival."""
@@ -117,5 +120,5 @@ def accounted(base: Rung, last: Rung, bench: Bench, weighting: Weighting) -> flo
     """
     before, _ = profile_cost(base, bench, weighting)
     after, rows = profile_cost(last, bench, weighting)
-    gained, left = max(before - after, 0.0), max(after - ONLY_NOISE * rows, 0.0)
+    gained, left = max(before - after, 0.0), max(after - SURELY_MORE * rows, 0.0)
     return gained / max(gained + left, 1e-300)
