@@ -30,19 +30,25 @@ os.environ.update(
 )
 os.environ.pop('ROS_LOCALHOST_ONLY', None)
 
+LONGEST = ('live', 'test_diagnosis', 'test_real_data', 'test_calibration')
+"""Groups of tests that take a minute and more: begun last, they would leave a worker idle."""
+
 hypothesis.settings.register_profile('repeatable', derandomize=True, deadline=None)
 hypothesis.settings.load_profile('repeatable')
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give each file to one worker, and all that wait for messages to the same one.
+    """Give each file to one worker, and all that wait for messages to the same one; longest first.
 
     Nodes keep their times on a machine of two cores if only one set of them runs at once.
     """
     for item in items:
-        name = item.path.stem
-        group = 'live' if name.startswith('test_nodes_') else name
-        item.add_marker(pytest.mark.xdist_group(group))
+        item.add_marker(pytest.mark.xdist_group(_group(item)))
+    items.sort(key=lambda item: LONGEST.index(_group(item)) if _group(item) in LONGEST else 99)
+
+
+def _group(item: pytest.Item) -> str:
+    return 'live' if item.path.stem.startswith('test_nodes_') else item.path.stem
 
 
 def pytest_unconfigure() -> None:
