@@ -8,7 +8,7 @@ from bench_motor import records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.gate import gate_note, misfit_of_laws
+from motor_sysid.diagnosis.gate import gate_note, gone, misfit_of_laws
 from motor_sysid.diagnosis.refit import Level
 from motor_sysid.diagnosis.rounds import accounted
 from motor_sysid.diagnosis.rung import climb, profile_cost, with_better_sensor
@@ -77,7 +77,7 @@ def note(
     sigmas=0.1, trained=4.9,
 ):
     old = SimpleNamespace(
-        model=SimpleNamespace(effects=('cogging_torque',) if further else ()),
+        model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=()),
         training=SimpleNamespace(error_percent=5.0),
     )
     own = {p.name: sigmas * p.value for p in model.parameters if p.name.startswith(key)}
@@ -159,3 +159,11 @@ def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(further, i
     variant = SimpleNamespace(effect=effect(further), inherits=inherits)
     found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6)
     assert found == pytest.approx(least)
+
+
+def test_what_takes_the_place_of_the_back_emf_is_none():
+    old = with_effect('quadratic_drag', {'k_d': 1e-8}).with_estimates({}, {'k_t': 1e-3})
+    new = old.with_values({'k_t': old.parameters['k_t'].lower})
+    assert gone(new, old) == 'k_t (torque constant, and back-EMF constant)'
+    assert gone(old, old) == ''
+    assert gone(new, old.with_estimates({}, {'k_t': 0.04})) == ''  # it was not known

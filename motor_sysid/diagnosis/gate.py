@@ -39,6 +39,9 @@ MIN_STEADY = 0.75
 """Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
 they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
 
+KNOWN = 0.3
+"""Relative standard error of a motor's parameter below which it is known to be there."""
+
 LEAST_CERTAINTY = 9.0
 """Squared number of honest standard errors that an amplitude must be from zero: where errors come
 in bursts, evidence alone counts more than there is."""
@@ -112,6 +115,21 @@ def _at_limit(model: Model, one: Effect) -> str:
     return ''
 
 
+def gone(new: Model, old: Model) -> str:
+    """Return a parameter of the motor that was well known and is now nothing, or nothing.
+
+    Friction may turn out to be of another kind; back-EMF, resistance and inertia are always there.
+    """
+    before = {p.name: p for p in old.parameters}
+    for p in new.parameters.free:
+        was = before.get(p.name)
+        if was is None or was.on_bound or was.sigma is None or '.' in p.name:
+            continue
+        if p.logarithmic and p.on_bound and was.sigma < KNOWN * was.value:
+            return f'{p.name} ({p.description})'
+    return ''
+
+
 def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
     """Return the gain that the misfit of a model's laws may make of a further effect.
 
@@ -165,6 +183,8 @@ def gate_note(
         return 'its size cannot be told from nothing'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
+    if lost := gone(new.model, old.model):
+        return f'{lost} would be nothing with it'
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
     if certain and gain > (MIN_WIDER_GAIN_PERCENT if scored.variant.inherits else least):
