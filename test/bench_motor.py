@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Provenance, Record
 
 MOTOR = {

@@ -12,8 +12,9 @@ from motor_sysid.physics.effect import Effect, Enters
 from motor_sysid.physics.effects import add_effect_file, catalogue, effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor, motors
-from motor_sysid.physics.rollout import Program, simulate
+from motor_sysid.physics.rollout import Program
 from motor_sysid.physics.scales import scales_of
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.store import dump_model, parse_model
 from motor_sysid.signals.record import Record
 

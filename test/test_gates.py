@@ -17,8 +17,8 @@ from motor_sysid.estimation.batch import coloured
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
-from motor_sysid.physics.rollout import simulate
 from motor_sysid.physics.scales import scales_of
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 MOTOR = {'R': 1.2, 'L': 1.5e-3, 'k_t': 0.055, 'J': 8e-5, 'b': 3e-5}

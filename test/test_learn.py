@@ -25,7 +25,8 @@ from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effects import catalogue, effect, LEARNED
 from motor_sysid.physics.laws import KNOTS
 from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.rollout import Program, simulate
+from motor_sysid.physics.rollout import Program
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.physics.store import dump_model, load_model, parse_model
 from motor_sysid.recording.save import write_record

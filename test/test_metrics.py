@@ -12,7 +12,7 @@ from motor_sysid.estimation.batch import fit, make_chain, observed_outputs, Prob
 from motor_sysid.estimation.batch.information import information
 from motor_sysid.estimation.residual_tests import input_dependence, ljung_box
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.store import save_model
 from motor_sysid.signals.metrics import metrics
 from motor_sysid.signals.record import Record

@@ -7,7 +7,7 @@ import pytest
 
 from motor_sysid.estimation.online import OnlineIdentifier, Tuning
 from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.recording import load
 from motor_sysid.signals.record import Record
 

@@ -14,7 +14,7 @@ from motor_sysid.benchmark.estimators import compare_estimators
 from motor_sysid.benchmark.perturbations import PERTURBATIONS, perturbed_run
 from motor_sysid.estimation.online import Estimate, OnlineIdentifier
 from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 TIMES = (0.25, 0.5, 1.0, 2.0, 5.0)

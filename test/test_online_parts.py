@@ -14,7 +14,7 @@ from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
 from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.motion import Motion
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 

@@ -6,7 +6,7 @@ import pytest
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import METHODS, OPTIMIZERS, refit
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 TRUE = {'R': 1.2, 'L': 1.5e-3, 'k_t': 0.055, 'J': 8e-5, 'b': 3e-5}

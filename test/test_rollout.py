@@ -1,19 +1,24 @@
 """The integrator against independent ones, and the motors against the textbook."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from motor_sysid.errors import UserError
+from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.laws import cos, sin, smooth_sign
 from motor_sysid.physics.linear_effects import along
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.rollout import Program
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.physics.track import follow
+from motor_sysid.physics.workspace import halves
 from motor_sysid.signals.record import Record
 
 MOTOR = {'R': 2.0, 'L': 6e-4, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5, 'omega_eps': 0.5}
@@ -254,7 +259,6 @@ def test_energy_is_conserved_without_losses():
 def test_a_motor_that_cannot_be_is_nan_not_a_crash():
     record = random_steps(100)
     from motor_sysid.physics.motors import motor
-    from motor_sysid.physics.rollout import Drive, Program
 
     program = Program(motor('brushed_dc'), [], ['speed'])
     values = {p.name: np.full(3, p.value) for p in motor('brushed_dc').parameters}
@@ -262,6 +266,30 @@ def test_a_motor_that_cannot_be_is_nan_not_a_crash():
     run = program.run(values, Drive.of(record, motor('brushed_dc')), np.zeros(3))
     assert np.all(np.isfinite(run[:, :, 0]))
     assert not np.any(np.isfinite(run[5:, :, 1:]))
+
+
+@pytest.mark.parametrize('effects', [(), ('coulomb_friction',), ('lugre_friction',)])
+@pytest.mark.parametrize('restarts', [(), (2,)])
+def test_stretches_that_run_side_by_side_come_to_the_same(effects, restarts):
+    record = random_steps(6000)
+    model = Model.base('brushed_dc')
+    for key in effects:
+        model = model.with_effect(key)
+    program = Program.of(model, ('speed', 'current'))
+    whole = Drive.of(record, model.kind)
+    edges = [0, 1000, 2500, 6000]
+    drives = [
+        Drive(whole.inputs[a:b], DT, a * DT, np.empty(0)) for a, b in pairwise(edges)
+    ]
+    values = {name: np.full(2, value) for name, value in model.parameters.values().items()}
+    start = [np.zeros(3)] * 3
+    alone = program.run_chain(values, drives, start, restarts=restarts)
+    both = program.run_chain(values, drives, start, restarts=restarts, threads=2)
+    assert all(np.array_equal(a, b) for a, b in zip(alone, both, strict=True))
+    free = not program.memory_offsets or restarts
+    lengths = [len(d.inputs) for d in drives]
+    cut = halves(lengths, restarts if program.memory_offsets else range(3))
+    assert len(cut) == (2 if free else 1)
 
 
 def test_missing_inputs_are_named():

@@ -11,8 +11,9 @@ from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.laws import amplitude, atan, cos, sin, THIRD
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
-from motor_sysid.physics.rollout import Program, simulate
+from motor_sysid.physics.rollout import Program
 from motor_sysid.physics.scales import scales_of
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.store import dump_model, parse_model
 from motor_sysid.signals.phases import to_abc, to_dq
 from motor_sysid.signals.record import Record

@@ -9,7 +9,7 @@ from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.phases import hall_sector

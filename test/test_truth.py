@@ -6,7 +6,7 @@ import pytest
 from motor_sysid.benchmark.plant import Plant
 from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 DT = 1e-3

@@ -219,6 +219,11 @@ def test_doubt_about_a_trifle_is_no_lack(before, said):
     assert verdict(rung(before), rung(before - 0.01), doubted=True) is said
 
 
+def test_a_trifle_that_an_effect_does_away_with_is_a_lack_all_the_same():
+    assert verdict(rung(1.35), rung(1.25), doubted=True) is Verdict.COMPLETE
+    assert verdict(rung(1.35), rung(1.2), doubted=True) is Verdict.UNKNOWN_EFFECT
+
+
 # --- the price of searching
 
 

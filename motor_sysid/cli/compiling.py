@@ -7,7 +7,7 @@ import numpy as np
 from motor_sysid.estimation.batch import refit
 from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.signals.record import Record
 

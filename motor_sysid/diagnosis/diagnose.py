@@ -286,11 +286,14 @@ class _Engine:
         late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
         matched = Matched(self.bench.problem(rung.model), slopes(rung, self.bench))
         closed = any(moving_references(record) for record in self.train_records)
+        training = rung.training
+        if self.bench.train is not self.bench.train_free:
+            training = compare(
+                rung.model, self.bench.train, self.bench.outputs, substeps=self.bench.substeps
+            )
         return examine_remainder(
             self.bench.outputs,
-            compare(
-                rung.model, self.bench.train, self.bench.outputs, substeps=self.bench.substeps
-            ),
+            training,
             rung.validation,
             held_at_best(rung, self.bench) if closed else rung.held,
             (self.bench.train, self.bench.held),

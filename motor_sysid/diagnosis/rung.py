@@ -51,6 +51,9 @@ WIDTHS = ('omega_eps', 'i_eps')
 FINER_BY = 8
 """How much finer steps must change nothing, so that steps are fine enough."""
 
+JUDGE = 4
+"""How much finer than the most that are allowed those steps are by which the others are judged."""
+
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
@@ -150,10 +153,16 @@ def held_at_best(rung: Rung, bench: Bench) -> Comparison:
     """Return the comparison on held-out data with the model's own parameters at their best there.
 
     In a closed loop random loads bias a fit a little; that is no missing physics.  One step of
-    Gauss and Newton is taken, as the parameters are nearly right.
+    Gauss and Newton is taken, as the parameters are nearly right; its derivatives need no fine
+    steps of the integration.
     """
-    problem = Problem(rung.model, bench.held, bench.outputs, substeps=bench.substeps)
-    near, weighting = problem.linearize(problem.vector()), rung.result.weighting
+    problem, weighting = Problem(rung.model, bench.held, bench.outputs), rung.result.weighting
+    near = [
+        replace(one, residual=residual)
+        for one, residual in zip(
+            problem.linearize(problem.vector()), rung.held.residuals, strict=True
+        )
+    ]
     move = newton_step(*normal_equations(near, weighting)[:2])
     if not np.all(np.isfinite(move)):
         return rung.held
@@ -216,7 +225,7 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
         bench = replace(bench, substeps=steps)
         last = climb(model, bench, weighting, briefly=True)
     if steps == FINEST:
-        runs = [_residuals(last.model, some, n) for n in (FINER_BY * steps, steps)]
+        runs = [_residuals(last.model, some, n) for n in (JUDGE * steps, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
     return replace(last, result=_honest(last, bench, blunt)), bench
 
@@ -264,15 +273,17 @@ def _steps(
     steps = bench.substeps
     if steps >= most or all(effect(key).card.linear for key in model.effects):
         return steps
-    left = _residuals(model, bench)
-    runs = {steps: left}
-    while steps < most:
-        for n in (steps, FINER_BY * steps):
-            runs[n] = runs[n] if n in runs else _residuals(model, bench, n)
-        if small(_differences(runs[FINER_BY * steps], runs[steps]), left):
-            break
+    now = _residuals(model, bench)
+    fine = _residuals(model, bench, FINER_BY * steps)
+    if small(_differences(fine, now), now):
+        return steps
+    if most > 2 * steps:
+        fine = _residuals(model, bench, JUDGE * most)
+    while 2 * steps < most:
         steps *= 2
-    return steps
+        if small(_differences(fine, _residuals(model, bench, steps)), now):
+            return steps
+    return most
 
 
 def some_of(bench: Bench, model: Model) -> tuple[Chain, ...]:

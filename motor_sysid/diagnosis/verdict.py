@@ -37,6 +37,9 @@ EXPLAINED = 0.9
 """Share of the squared error beyond sensor noise that what is named must explain, where something
 predictable remains or where base parameters are undetermined."""
 
+NOTICED = 1.1
+"""Fall of the held-out error from which on an effect is no trifle, however small the error was."""
+
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together, without and with what is named;
 inductance alone often is."""
@@ -147,7 +150,7 @@ def verdict_of(
     If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
     does not explain nearly all, something is missing, but not that; nor is it what is named if
     that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
-    the base model leaves beyond the noise is a trifle, nothing is then missing.  Where base
+    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.  Where base
     parameters are undetermined, what explains nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
@@ -164,7 +167,8 @@ def verdict_of(
     doubted = (doubted or larger) and explained < NEARLY_ALL
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
     doubted = doubted or max(accounted, surely) < NEARLY_ALL
-    if doubted and not structured and beyond < TRIFLE_PERCENT**2:
+    trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
+    if doubted and not structured and trifle:
         return Verdict.COMPLETE
     if (structured and explained < EXPLAINED) or doubted:
         return Verdict.UNKNOWN_EFFECT

@@ -9,7 +9,6 @@ from motor_sysid.physics.lanes import Lane
 from motor_sysid.physics.motors.base import Motor
 
 Integers = NDArray[np.int64]
-Table = tuple[Integers, Integers, Integers]
 
 
 class Calls:
@@ -56,7 +55,7 @@ class Calls:
             self.fades.append(lane.target in reads)
 
     @property
-    def laws(self) -> Table:
+    def laws(self) -> Integers:
         """Laws of the equations, stiff ones first."""
         return _table([call[1:] for call in (*self._stiff, *self._plain)])
 
@@ -71,20 +70,18 @@ class Calls:
         return integers([call[0] for call in (*self._stiff, *self._plain)])
 
     @property
-    def slopes(self) -> tuple[Integers, Integers, Integers, Integers]:
-        """Laws that read the rate of change of their own equation, and that equation."""
-        return (
-            *_table([call[1:] for call in self._slopes]),
-            integers([call[0] for call in self._slopes]),
-        )
+    def slopes(self) -> tuple[Integers, Integers]:
+        """Laws that read the rate of change of their own equation, and the equation of each."""
+        laws = _table([call[1:] for call in self._slopes])
+        return laws, integers([call[0] for call in self._slopes])
 
     @property
-    def rates(self) -> Table:
+    def rates(self) -> Integers:
         """Rates of the own states, in their order."""
         return _table(self._rates)
 
     @property
-    def sensors(self) -> Table:
+    def sensors(self) -> Integers:
         """Laws of sensors."""
         return _table(self._sensors)
 
@@ -95,15 +92,11 @@ class Calls:
         return equations + [call[0] for call in (*self._rates, *self._sensors)]
 
 
-def _table(calls: Sequence[tuple[Lane, int, int]]) -> Table:
-    """Return addresses, offsets of own parameters, and offsets of own states."""
-    return (
-        integers([lane.address for lane, _, _ in calls]),
-        integers([own for _, own, _ in calls]),
-        integers([state for _, _, state in calls]),
-    )
+def _table(calls: Sequence[tuple[Lane, int, int]]) -> Integers:
+    """Return (N, 3) addresses, offsets of own parameters, and offsets of own states."""
+    return integers([(lane.address, own, state) for lane, own, state in calls]).reshape(-1, 3)
 
 
-def integers(values: Sequence[int]) -> Integers:
-    """Return (N,) integers."""
+def integers(values: Sequence[int] | Sequence[tuple[int, ...]]) -> Integers:
+    """Return an array of integers."""
     return np.array(values, dtype=np.int64)

@@ -31,36 +31,39 @@ _OPEN = 1e300
 
 # rows of the work memory of one solution
 JUMP = 0
-_PREDICTED = 1 * LANES
-_CHANGE = 2 * LANES
-_START = 3 * LANES
-_WEIGHT = 4 * LANES
-_D = 5 * LANES
-_LOW = 6 * LANES
-_HIGH = 7 * LANES
-_G_LOW = 8 * LANES
-_G_HIGH = 9 * LANES
-_SIDE = 10 * LANES
-ROWS = 11
+HARD_ROW = 1 * LANES
+_PREDICTED = 2 * LANES
+_CHANGE = 3 * LANES
+_START = 4 * LANES
+_WEIGHT = 5 * LANES
+_D = 6 * LANES
+_LOW = 7 * LANES
+_HIGH = 8 * LANES
+_G_LOW = 9 * LANES
+_G_HIGH = 10 * LANES
+_SIDE = 11 * LANES
+_STEEP = 12 * LANES
+_PHI1 = 13 * LANES
+_PHI2 = 14 * LANES
+ROWS = 15
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def call_stiff(wide, base, calls, count, forces, j):  # type: ignore[no-untyped-def]
     """Call the stiff laws of equation `j`."""
-    address, own, state = calls
     for i in range(count):
         if forces[i] == j:
-            call_lane(address[i], base, own[i], state[i], wide)  # type: ignore[call-arg]
+            call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)  # type: ignore[call-arg]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def secants(  # type: ignore[no-untyped-def]
-    wide, p, base, calls, count, forces, state_rows, force_rows, own_state, x, predicted, begun,
+    wide, p, w, base, calls, count, forces, state_rows, force_rows, own_state, x, predicted, begun,
     secant,
 ):  # fmt: skip
     """Set `secant` (m, W) to the slope of each equation's stiff laws in its own state, or zero.
 
-    The state `x` (n, W) is loaded; `begun` (m, W) holds the stiff laws there.
+    The state `x` (n, W) is loaded; `begun` (m, W) holds the stiff laws there.  `w` is work memory.
     """
     for j in range(own_state.shape[0]):
         own, target = own_state[j], force_rows[j] * LANES
@@ -70,48 +73,64 @@ def secants(  # type: ignore[no-untyped-def]
             p[row + k] = predicted[own, k]
         call_stiff(wide, base, calls, count, forces, j)
         for k in range(wide):
-            moved = predicted[own, k] - x[own, k]
-            slope = (p[target + k] - begun[j, k]) * moved / (moved * moved + 1e-30)
-            secant[j, k] = min(slope, 0.0)
+            w[_CHANGE + k] = predicted[own, k] - x[own, k]
+        for k in range(wide):
+            w[_STEEP + k] = p[target + k] - begun[j, k]
+        for k in range(wide):
+            moved = w[_CHANGE + k]
+            w[_STEEP + k] = min(w[_STEEP + k] * moved / (moved * moved + 1e-30), 0.0)
+        for k in range(wide):
+            secant[j, k] = w[_STEEP + k]
         for k in range(wide):
             p[row + k] = x[own, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def prepare(  # type: ignore[no-untyped-def]
-    wide, w, j, own, predicted, change, begun, start, secant, phi1_force, phi2_force, hard
+    wide, w, j, own, predicted, change, begun, start, secant, phi1_force, phi2_force, piece
 ):  # fmt: skip
-    """Fill the work memory `w` (11, W) of equation `j`; return how many lanes are hard.
+    """Fill the work memory `w` of equation `j`; return how many lanes are hard.
 
     `change` (m, W) is the change of all forces over the step, `begun` and `start` the stiff laws
-    at its beginning and at the predicted state; `hard` (m, W) gets 1 where a lane is, else 0.
+    at its beginning and at the predicted state.  Row `HARD_ROW` gets 1 where a lane is, else 0.
+    Loops over many arrays would not be vectorized: what is reckoned with is copied first.
     """
     for k in range(wide):
         w[_CHANGE + k] = 0.0
         w[_PREDICTED + k] = predicted[own, k]
-        w[_START + k] = start[j, k]
     for i in range(change.shape[0]):
         for k in range(wide):
-            w[_CHANGE + k] += phi2_force[own, i, k] * change[i, k]
-    count = 0
+            w[_CHANGE + k] += phi2_force[piece, own, i, k] * change[i, k]
     for k in range(wide):
-        p2, p1, steep = phi2_force[own, j, k], phi1_force[own, j, k], secant[j, k]
+        w[_PHI1 + k] = phi1_force[piece, own, j, k]
+    for k in range(wide):
+        w[_PHI2 + k] = phi2_force[piece, own, j, k]
+    for k in range(wide):
+        w[_STEEP + k] = secant[j, k]
+    for k in range(wide):
+        w[_START + k] = start[j, k]
+    for k in range(wide):
+        w[JUMP + k] = begun[j, k]
+    count = 0.0
+    for k in range(wide):
+        p2, p1, steep = w[_PHI2 + k], w[_PHI1 + k], w[_STEEP + k]
         stiff = (p2 - p1) * steep > HARD
         weight = p1 if stiff else p2
-        c = w[_CHANGE + k] + (weight - p2) * (w[_START + k] - begun[j, k])
-        hard[j, k] = 1.0 if stiff else 0.0
-        w[JUMP + k] = begun[j, k]
+        hard = 1.0 if stiff else 0.0
+        c = w[_CHANGE + k] + (weight - p2) * (w[_START + k] - w[JUMP + k])
+        w[HARD_ROW + k] = hard
         w[_WEIGHT + k] = weight
         w[_CHANGE + k] = c
         w[_LOW + k], w[_HIGH + k] = 0.0, c
         w[_G_LOW + k], w[_G_HIGH + k] = -c, _OPEN
         w[_SIDE + k] = 0.0
         w[_D + k] = c / (1.0 - weight * steep)
-        count += 1 if stiff else 0
+    for k in range(wide):
+        count += w[HARD_ROW + k]
     return count
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def settle(wide, p, base, calls, count, forces, j, row, target, w):  # type: ignore[no-untyped-def]
     """Solve for the end of the step; row `JUMP` of `w` gets the change of the stiff laws.
 
@@ -128,7 +147,7 @@ def settle(wide, p, base, calls, count, forces, j, row, target, w):  # type: ign
         w[JUMP + k] = p[target + k] - w[JUMP + k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
     """Take one step of the regula falsi in every lane that is not there; return how many."""
     left = 0

@@ -24,7 +24,7 @@ from numba import njit
 import numpy as np
 
 from motor_sysid.physics.effect import ARGUMENTS
-from motor_sysid.physics.implicit import JUMP, prepare, ROWS, secants, settle
+from motor_sysid.physics.implicit import HARD_ROW, JUMP, prepare, ROWS, secants, settle
 from motor_sysid.physics.native import as_pointer, call_lane, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.track import follow
@@ -41,10 +41,8 @@ def run_block(  # type: ignore[no-untyped-def]
     whole, phi1_force, phi2_force, width, wide, substeps, dt, t0, first,
     inputs, late, position, push, buffer, base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
-    lane_address, lane_own, lane_state, stiff_count, stiff_force,
-    rate_address, rate_own, rate_state, memory_offset, memory_rate, memory_fades,
-    linear, slope_address, slope_own, slope_state, slope_force, slope_rows,
-    sensor_address, sensor_own, sensor_state,
+    lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
+    linear, slope_calls, slope_force, slope_rows, sensor_calls,
     output_state, output_rate, output_bias, output_sensor, outputs,
 ):  # fmt: skip
     """Simulate one block and write its outputs.
@@ -78,9 +76,11 @@ def run_block(  # type: ignore[no-untyped-def]
         last `ROWS` of them in `motor_sysid.physics.implicit`.
     state:
         (n, W) core state, advanced in place.
+    lane_calls, rate_calls, slope_calls, sensor_calls:
+        (K, 3) addresses of laws, offsets of their own parameters and of their own states.
     memory_fades:
         For each own state whether its rate depends on itself.
-    linear, slope_address, ...:
+    linear, slope_calls, ...:
         The linear motor, and laws that read the rate of change of their own equation; see
         `motor_sysid.physics.own_states.add_rate_laws`.
     outputs:
@@ -88,13 +88,9 @@ def run_block(  # type: ignore[no-untyped-def]
     """
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
     count, older = inputs.shape[0], pieces // 2 if late.shape[0] > 0 else 0
-    n_lanes, n_slopes = lane_address.shape[0], slope_address.shape[0]
+    n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]
     n_memory = memory_offset.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
-    lane_calls = (lane_address, lane_own, lane_state)
-    rate_calls = (rate_address, rate_own, rate_state)
-    slope_calls = (slope_address, slope_own, slope_state)
-    sensor_calls = (sensor_address, sensor_own, sensor_state)
     work = np.empty((3, LANES))
     predicted, previous = np.empty((n, LANES)), state.copy()
     begun, secant, start = np.zeros((3, m, LANES))
@@ -122,16 +118,16 @@ def run_block(  # type: ignore[no-untyped-def]
 
     for sample in range(first, count):
         begins = t0 + sample * dt
-        if sensor_address.shape[0] > 0:
+        if sensor_calls.shape[0] > 0:
             for k in range(wide):
                 here[k] = position[sample] if follows else 0.0
                 p[time_at + k] = begins
             load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
             clear(wide, p, output_sensor)
-            call_all(wide, base, sensor_calls, 0, sensor_address.shape[0])
+            call_all(wide, base, sensor_calls, 0, sensor_calls.shape[0])
         show(
             wide, p, x, previous, 1.0 / dt, output_state, output_rate, output_bias, output_sensor,
-            sensor_address.shape[0] > 0, outputs[sample - first],
+            sensor_calls.shape[0] > 0, outputs, sample - first,
         )  # fmt: skip
         for j in range(n):
             for k in range(wide):
@@ -143,7 +139,7 @@ def run_block(  # type: ignore[no-untyped-def]
             piece = part // substeps
             hold_input(wide, u, inputs, late, sample - (1 if piece < older else 0))
             if n_lanes + n_slopes + n_memory == 0 and not pushed:
-                predict(wide, predicted, whole[piece], all_in)
+                predict(wide, predicted, whole, piece, all_in)
                 for j in range(n):
                     for k in range(wide):
                         x[j, k] = predicted[j, k]
@@ -170,7 +166,7 @@ def run_block(  # type: ignore[no-untyped-def]
             keep(wide, begun, p, force_rows)
             call_all(wide, base, lane_calls, stiff_count, n_lanes)
             if pushed:
-                add_push(wide, p, force_rows, push[sample], now, begins, dt)
+                add_push(wide, p, force_rows, push, sample, now, begins, dt)
             if n_slopes > 0:
                 add_rate_laws(
                     wide, p, base, x, u, linear, slope_calls, slope_force, slope_rows,
@@ -185,7 +181,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
 
             # predictor
-            predict(wide, predicted, whole[piece], all_in)
+            predict(wide, predicted, whole, piece, all_in)
             for k in range(wide):
                 now[k] += h[k]
 
@@ -193,7 +189,7 @@ def run_block(  # type: ignore[no-untyped-def]
             if stiff_count > 0:
                 put(wide, p, memory_offset, old_memory)
                 secants(
-                    wide, p, base, lane_calls, stiff_count, stiff_force, state_rows, force_rows,
+                    wide, p, w, base, lane_calls, stiff_count, stiff_force, state_rows, force_rows,
                     own_state, x, predicted, begun, secant,
                 )  # fmt: skip
                 put(wide, p, memory_offset, next_memory)
@@ -213,7 +209,7 @@ def run_block(  # type: ignore[no-untyped-def]
             keep(wide, start, p, force_rows)
             call_all(wide, base, lane_calls, stiff_count, n_lanes)
             if pushed:
-                add_push(wide, p, force_rows, push[sample], now, begins, dt)
+                add_push(wide, p, force_rows, push, sample, now, begins, dt)
             if n_slopes > 0:
                 add_rate_laws(
                     wide, p, base, predicted, u, linear, slope_calls, slope_force, slope_rows,
@@ -225,13 +221,13 @@ def run_block(  # type: ignore[no-untyped-def]
                 row = force_rows[j] * LANES
                 for k in range(wide):
                     ended[j, k] = p[row + k] - before[j, k]
-            hard = 0
+            hard = 0.0
             for j in range(m):
                 if not answers[j]:
                     continue
                 hard += prepare(
                     wide, w, j, own_state[j], predicted, ended, begun, start, secant,
-                    phi1_force[piece], phi2_force[piece], share,
+                    phi1_force, phi2_force, piece,
                 )  # fmt: skip
                 row = state_rows[own_state[j]] * LANES
                 settle(
@@ -240,90 +236,94 @@ def run_block(  # type: ignore[no-untyped-def]
                 )  # fmt: skip
                 for k in range(wide):
                     jump[j, k] = w[JUMP + k]
+                for k in range(wide):
+                    share[j, k] = w[HARD_ROW + k]
+                for k in range(wide):
                     p[row + k] = predicted[own_state[j], k]
             for j in range(m):
                 if answers[j]:
                     for k in range(wide):
                         ended[j, k] += jump[j, k] - (start[j, k] - begun[j, k])
-            correct(wide, x, predicted, phi2_force[piece], ended)
-            if hard > 0:
-                push_late(wide, x, phi1_force[piece], phi2_force[piece], share, jump)
+            correct(wide, x, predicted, phi2_force, piece, ended)
+            if hard > 0.0:
+                push_late(wide, x, phi1_force, phi2_force, piece, share, jump)
     state[:] = x
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def show(  # type: ignore[no-untyped-def]
-    wide, p, x, previous, rate, state, differenced, bias, sensor, sensed, out
+    wide, p, x, previous, rate, state, differenced, bias, sensor, sensed, out, at
 ):  # fmt: skip
-    """Write the outputs (n_y, W) of one sample."""
-    for y in range(out.shape[0]):
+    """Write the outputs (n_y, W) of the sample at row `at`."""
+    for y in range(out.shape[1]):
         j, add = state[y], bias[y] * LANES
         if differenced[y]:
             for k in range(wide):
-                out[y, k] = (x[j, k] - previous[j, k]) * rate + p[add + k]
+                out[at, y, k] = (x[j, k] - previous[j, k]) * rate + p[add + k]
         else:
             for k in range(wide):
-                out[y, k] = x[j, k] + p[add + k]
+                out[at, y, k] = x[j, k] + p[add + k]
         if sensed:
             row = sensor[y] * LANES
             for k in range(wide):
-                out[y, k] += p[row + k]
+                out[at, y, k] += p[row + k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def add_push(wide, p, force_rows, push, now, begins, dt):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def add_push(wide, p, force_rows, push, sample, now, begins, dt):  # type: ignore[no-untyped-def]
     """Add the forces from outside, (2, m, W) at both ends of the sample, at the time `now`."""
-    for j in range(push.shape[1]):
+    for j in range(push.shape[2]):
         row = force_rows[j] * LANES
         for k in range(wide):
             share = (now[k] - begins) / dt
-            p[row + k] += push[0, j, k] + share * (push[1, j, k] - push[0, j, k])
+            p[row + k] += push[sample, 0, j, k] + share * (
+                push[sample, 1, j, k] - push[sample, 0, j, k]
+            )
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def predict(wide, predicted, whole, all_in):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def predict(wide, predicted, whole, piece, all_in):  # type: ignore[no-untyped-def]
     """Set `predicted` (n, W) to where state, input and force lead; three products at a time."""
     for j in range(predicted.shape[0]):
         for k in range(wide):
-            part = whole[j, 1, k] * all_in[1, k] + whole[j, 2, k] * all_in[2, k]
-            predicted[j, k] = whole[j, 0, k] * all_in[0, k] + part
+            part = whole[piece, j, 1, k] * all_in[1, k] + whole[piece, j, 2, k] * all_in[2, k]
+            predicted[j, k] = whole[piece, j, 0, k] * all_in[0, k] + part
         for i in range(CHUNK, all_in.shape[0], CHUNK):
             for k in range(wide):
-                part = whole[j, i + 1, k] * all_in[i + 1, k]
-                part += whole[j, i + 2, k] * all_in[i + 2, k]
-                predicted[j, k] += whole[j, i, k] * all_in[i, k] + part
+                part = whole[piece, j, i + 1, k] * all_in[i + 1, k]
+                part += whole[piece, j, i + 2, k] * all_in[i + 2, k]
+                predicted[j, k] += whole[piece, j, i, k] * all_in[i, k] + part
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def correct(wide, x, predicted, phi2_force, change):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def correct(wide, x, predicted, phi2_force, piece, change):  # type: ignore[no-untyped-def]
     """Set the state to the predicted one and what the (m, W) changes of the forces add."""
     for j in range(x.shape[0]):
         for k in range(wide):
-            x[j, k] = predicted[j, k] + phi2_force[j, 0, k] * change[0, k]
+            x[j, k] = predicted[j, k] + phi2_force[piece, j, 0, k] * change[0, k]
         for i in range(1, change.shape[0]):
             for k in range(wide):
-                x[j, k] += phi2_force[j, i, k] * change[i, k]
+                x[j, k] += phi2_force[piece, j, i, k] * change[i, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def push_late(wide, x, phi1_force, phi2_force, share, jump):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def push_late(wide, x, phi1_force, phi2_force, piece, share, jump):  # type: ignore[no-untyped-def]
     """Let the changes of stiff laws act over the whole of the step in the lanes that are hard."""
     for j in range(x.shape[0]):
         for i in range(jump.shape[0]):
             for k in range(wide):
-                more = phi1_force[j, i, k] - phi2_force[j, i, k]
+                more = phi1_force[piece, j, i, k] - phi2_force[piece, j, i, k]
                 x[j, k] += share[i, k] * more * jump[i, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def call_all(wide, base, calls, first, last):  # type: ignore[no-untyped-def]
     """Call lane functions `first` to `last`."""
-    address, own, state = calls
     for i in range(first, last):
-        call_lane(address[i], base, own[i], state[i], wide)
+        call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def keep(wide, values, p, rows):  # type: ignore[no-untyped-def]
     """Copy rows of the buffer to `values` (R, W)."""
     for j in range(rows.shape[0]):
@@ -332,7 +332,7 @@ def keep(wide, values, p, rows):  # type: ignore[no-untyped-def]
             values[j, k] = p[row + k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
     """Copy `values` (S, W) to their places in the buffer."""
     for s in range(offsets.shape[0]):
@@ -341,7 +341,7 @@ def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
             p[offset + k] = values[s, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
     """Write the input that acts in each lane to `u` (n_u, W)."""
     n_u = inputs.shape[1]
@@ -356,7 +356,7 @@ def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
             u[j, k] = inputs[at, j]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def load_state(  # type: ignore[no-untyped-def]
     wide, p, x, state_rows, position_row, speed_row, follows, position, h
 ):
@@ -377,7 +377,7 @@ def load_state(  # type: ignore[no-untyped-def]
                 p[row + k] = x[j, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def clear(wide, p, rows):  # type: ignore[no-untyped-def]
     """Set the equation rows to zero."""
     for j in range(rows.shape[0]):
@@ -386,11 +386,11 @@ def clear(wide, p, rows):  # type: ignore[no-untyped-def]
             p[row + k] = 0.0
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def evaluate_rates(wide, p, base, calls, memory_rate):  # type: ignore[no-untyped-def]
     """Set the rates of all own states."""
     for s in range(memory_rate.shape[0]):
         row = memory_rate[s]
         for k in range(wide):
             p[row + k] = 0.0
-    call_all(wide, base, calls, 0, calls[0].shape[0])
+    call_all(wide, base, calls, 0, calls.shape[0])

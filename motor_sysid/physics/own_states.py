@@ -22,38 +22,35 @@ from motor_sysid.physics.native import call_lane, LANES
 _SMALL = 1e-2
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
-def own_slope(wide, p, base, s, call, offset, rate_row, work):  # type: ignore[no-untyped-def]
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def own_slope(wide, p, base, s, calls, offset, rate_row, work):  # type: ignore[no-untyped-def]
     """Set ``work[1]`` to how fast own state `s` makes its own rate fall, never above zero.
 
-    `call` is (addresses, own parameters, own states) of all rates, ``work[0]`` the size of the
-    difference that is taken, ``work[2]`` memory; the rates must have been evaluated.
+    `calls` (S, 3) holds all rates, ``work[0]`` the size of the difference that is taken,
+    ``work[2]`` memory; the rates must have been evaluated.
     """
-    address, own, state = call
-    reach, slope, kept = work[0], work[1], work[2]
     for k in range(wide):
-        slope[k] = p[rate_row + k]
+        work[1, k] = p[rate_row + k]
         p[rate_row + k] = 0.0
-        kept[k] = p[offset + k]
-        p[offset + k] = kept[k] + reach[k]
-    call_lane(address[s], base, own[s], state[s], wide)
+        work[2, k] = p[offset + k]
+        p[offset + k] = work[2, k] + work[0, k]
+    call_lane(calls[s, 0], base, calls[s, 1], calls[s, 2], wide)
     for k in range(wide):
-        here = slope[k]
-        slope[k] = min((p[rate_row + k] - here) / reach[k], 0.0)
+        here = work[1, k]
+        work[1, k] = min((p[rate_row + k] - here) / work[0, k], 0.0)
         p[rate_row + k] = here
-        p[offset + k] = kept[k]
+        p[offset + k] = work[2, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def predict_own(  # type: ignore[no-untyped-def]
-    wide, p, base, call, fading, offsets, rates, h, old, old_rate, ahead, work
+    wide, p, base, calls, fading, offsets, rates, h, old, old_rate, ahead, work
 ):  # fmt: skip
     """Move every own state to the end of the step under its rate at the start.
 
     Keeps value and rate at the start in `old` and `old_rate`, and what was reached in `ahead` (at
     least S, W); `work` is (3, W).
     """
-    reach, slope = work[0], work[1]
     for s in range(offsets.shape[0]):
         offset, row = offsets[s], rates[s]
         for k in range(wide):
@@ -62,21 +59,20 @@ def predict_own(  # type: ignore[no-untyped-def]
             ahead[s, k] = old[s, k] + h[k] * old_rate[s, k]
         if fading[s]:
             for k in range(wide):
-                reach[k] = h[k] * abs(old_rate[s, k]) + 1e-9 * abs(old[s, k]) + 1e-30
-            own_slope(wide, p, base, s, call, offset, row, work)
+                work[0, k] = h[k] * abs(old_rate[s, k]) + 1e-9 * abs(old[s, k]) + 1e-30
+            own_slope(wide, p, base, s, calls, offset, row, work)
             for k in range(wide):
-                ahead[s, k] = old[s, k] + h[k] * phi1(h[k] * slope[k]) * old_rate[s, k]
+                ahead[s, k] = old[s, k] + h[k] * phi1(h[k] * work[1, k]) * old_rate[s, k]
     for s in range(offsets.shape[0]):
         for k in range(wide):
             p[offsets[s] + k] = ahead[s, k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def correct_own(  # type: ignore[no-untyped-def]
-    wide, p, base, call, fading, offsets, rates, h, old, old_rate, work
+    wide, p, base, calls, fading, offsets, rates, h, old, old_rate, work
 ):  # fmt: skip
     """Set every own state to its value at the end of the step; the rates there are known."""
-    reach, slope = work[0], work[1]
     for s in range(offsets.shape[0]):
         offset, row = offsets[s], rates[s]
         if not fading[s]:
@@ -85,18 +81,18 @@ def correct_own(  # type: ignore[no-untyped-def]
             continue
         for k in range(wide):
             both = abs(old_rate[s, k]) + abs(p[row + k])
-            reach[k] = h[k] * both + 1e-9 * abs(old[s, k]) + 1e-30
-        own_slope(wide, p, base, s, call, offset, row, work)
+            work[0, k] = h[k] * both + 1e-9 * abs(old[s, k]) + 1e-30
+        own_slope(wide, p, base, s, calls, offset, row, work)
         for k in range(wide):
-            z, begun = h[k] * slope[k], old_rate[s, k]
-            ended = p[row + k] - slope[k] * (p[offset + k] - old[s, k])
+            z, begun = h[k] * work[1, k], old_rate[s, k]
+            ended = p[row + k] - work[1, k] * (p[offset + k] - old[s, k])
             p[row + k] = phi1(z) * begun + phi2(z) * (ended - begun)
     for s in range(offsets.shape[0]):
         for k in range(wide):
             p[offsets[s] + k] = old[s, k] + h[k] * p[rates[s] + k]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def phi1(z):  # type: ignore[no-untyped-def]
     """``(exp(z) - 1) / z``."""
     if abs(z) < _SMALL:
@@ -125,36 +121,34 @@ def add_rate_laws(  # type: ignore[no-untyped-def]
     linear:
         A (n, n, W), B (n, n_u, W), G (n, m, W) of the linear motor.
     calls, forces:
-        Addresses and offsets of the laws, and the equation of each.
+        (K, 3) addresses and offsets of the laws, and the equation of each.
     slope_rows:
         (m,) rows of the buffer in which laws find the rate of each equation's own state.
     work:
         (2, W) memory.
     """
     a, b, g = linear
-    address, own, state = calls
-    rate, before = work[0], work[1]
-    for i in range(address.shape[0]):
+    for i in range(calls.shape[0]):
         j = forces[i]
         at, row = own_state[j], force_rows[j] * LANES
         for k in range(wide):
-            rate[k] = 0.0
+            work[0, k] = 0.0
         for c in range(a.shape[1]):
             for k in range(wide):
-                rate[k] += a[at, c, k] * x[c, k]
+                work[0, k] += a[at, c, k] * x[c, k]
         for c in range(b.shape[1]):
             for k in range(wide):
-                rate[k] += b[at, c, k] * u[c, k]
+                work[0, k] += b[at, c, k] * u[c, k]
         for c in range(g.shape[1]):
             other = force_rows[c] * LANES
             for k in range(wide):
-                rate[k] += g[at, c, k] * p[other + k]
+                work[0, k] += g[at, c, k] * p[other + k]
         for k in range(wide):
-            before[k] = p[row + k]
-            p[slope_rows[j] * LANES + k] = rate[k]
-        call_lane(address[i], base, own[i], state[i], wide)
+            work[1, k] = p[row + k]
+            p[slope_rows[j] * LANES + k] = work[0, k]
+        call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)
         for k in range(wide):
-            force = p[row + k] - before[k]
-            left = rate[k] - g[at, j, k] * force
-            share = rate[k] / left if left != 0.0 else 1.0
-            p[row + k] = before[k] + force * share
+            force = p[row + k] - work[1, k]
+            left = work[0, k] - g[at, j, k] * force
+            share = work[0, k] / left if left != 0.0 else 1.0
+            p[row + k] = work[1, k] + force * share

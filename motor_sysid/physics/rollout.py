@@ -2,8 +2,8 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, zip_longest
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,8 +26,15 @@ from motor_sysid.physics.lanes import (
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
-from motor_sysid.physics.workspace import filled, graded, joined, lane_last, Workspace
-from motor_sysid.signals.record import Record
+from motor_sysid.physics.workspace import (
+    delays,
+    filled,
+    graded,
+    halves,
+    joined,
+    lane_last,
+    Workspace,
+)
 
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
@@ -117,7 +124,7 @@ class Program:
         self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
         self._delay_names = [self.names.index(name) for name in delays]
-        self._calls = (*calls.laws, calls.stiff_count, calls.stiff_force, *calls.rates)
+        self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors = calls.slopes, calls.sensors
 
@@ -204,7 +211,7 @@ class Program:
         substeps:
             Parts of each sample (see `graded`), each cut as often as the motor's speed asks for.
         threads:
-            Blocks of 32 that may run at the same time.
+            Blocks of 32, or halves of the stretches, that may run at the same time.
 
         Returns
         -------
@@ -219,24 +226,31 @@ class Program:
         top = max(drive.speed for drive in drives)
         steps = self.substeps(table[:, 0], top, drives[0].dt)
 
-        def one(block: slice) -> list[Array]:
+        def one(part: tuple[slice, slice]) -> list[Array]:
+            block, some = part
             return self._run_block(
                 table[:, block],
-                drives,
-                [state[block] for state in states],
-                [push[..., block] for push in pushes] or [self._unpushed] * len(drives),
-                frozenset((0, *restarts)),
+                drives[some],
+                [state[block] for state in states[some]],
+                [push[..., block] for push in pushes[some]],
+                frozenset((0, *(n - some.start for n in restarts))),
                 (steps, substeps),
             )
 
-        if threads > 1 and len(blocks) > 1:
+        apart = restarts if self.memory_offsets else range(len(drives))
+        lengths = [len(drive.inputs) for drive in drives]
+        stretches = halves(lengths, apart if threads > len(blocks) else ())
+        tasks = [(block, some) for block in blocks for some in stretches]
+        if min(threads, len(tasks)) > 1:
             with ThreadPoolExecutor(threads) as pool:
-                parts = list(pool.map(one, blocks))
+                parts = list(pool.map(one, tasks))
         else:
-            parts = [one(block) for block in blocks]
-        if len(parts) == 1:
-            return parts[0]
-        return [np.concatenate(pieces, axis=2) for pieces in zip(*parts, strict=True)]
+            parts = [one(task) for task in tasks]
+        several = len(stretches)
+        runs = [chain.from_iterable(parts[k : k + several]) for k in range(0, len(parts), several)]
+        if len(runs) == 1:
+            return list(runs[0])
+        return [np.concatenate(pieces, axis=2) for pieces in zip(*runs, strict=True)]
 
     def _run_block(
         self,
@@ -250,14 +264,15 @@ class Program:
         used = table.shape[1]
         workspace = self.workspace(table, drives[0].dt, *cut)
         results: list[Array] = []
-        for drive, start, push in zip(drives, states, pushes, strict=True):
+        for drive, start, push in zip_longest(drives, states, pushes):
             x = np.empty((len(self.kind.states), LANES))
             x[:, :used] = start.T
             x[:, used:] = start.T[:, :1]
             if len(results) in restarts:
                 self.begin(workspace, x)
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
-            self.advance(workspace, x, drive, cut[0], outputs, push=filled(push))
+            pushed = None if push is None else filled(push)
+            self.advance(workspace, x, drive, cut[0], outputs, push=pushed)
             results.append(outputs[:, :, :used])
         return results
 
@@ -282,7 +297,7 @@ class Program:
         buffer.reshape(-1, LANES)[self._parameter_rows] = full
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:
-            late, width = self._delays(full, dt)
+            late, width = delays(full[self._delay_names], dt)
         width = graded(width, parts, even=bool(self.kind.wave)) / substeps
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
@@ -300,12 +315,6 @@ class Program:
             workspace.buffer[offset : offset + LANES] = 0.0
         for offset, core in self._begins:
             workspace.buffer[offset : offset + LANES] = x[core]
-
-    def _delays(self, full: Array, dt: float) -> tuple[NDArray[np.int64], Array]:
-        """Return whole samples of delay (W,) and the lengths (2, W) of the parts of a sample."""
-        delay = np.maximum(full[self._delay_names], 0.0).sum(axis=0) / dt
-        whole = np.floor(np.where(np.isfinite(delay), delay, 0.0))
-        return whole.astype(np.int64), np.stack(((delay - whole) * dt, (1 - delay + whole) * dt))
 
     def advance(
         self,
@@ -345,56 +354,9 @@ class Program:
             workspace.linear,
             *self._slopes,
             self._slope_rows,
-            *self._sensors,
+            self._sensors,
             *self._outputs,
             outputs,
         )
         if self._core_rows:
             x[:], rows[self._core_rows] = core[: len(x)], core[len(x) :]
-
-
-@dataclass(frozen=True)
-class Trajectory:
-    """A simulated run: (N,) time in s and output signal to (N,) values, free of noise."""
-
-    time: Array
-    outputs: Mapping[str, Array]
-
-
-def simulate(
-    model: Model,
-    record: Record,
-    outputs: Sequence[str] | None = None,
-    *,
-    initial: Mapping[str, float] | None = None,
-    follow_position: bool = True,
-    substeps: int = 1,
-) -> Trajectory:
-    """Run a model freely from the recorded input.
-
-    Parameters
-    ----------
-    model:
-        The model.
-    record:
-        Inputs, and the measured position if laws are to follow it; resampled if not uniform.
-    outputs:
-        Signals to predict; by default all that the motor kind can.
-    initial:
-        State name to initial value; by default rest at the recorded position.
-    follow_position:
-        Whether laws see the measured position (default) or the simulated one.
-    substeps:
-        Integration steps per sample, shorter at its start; a three-phase motor takes more of them
-        by itself where it turns fast.
-    """
-    even = record.uniform()
-    signals = tuple(outputs or (o.signal for o in model.kind.outputs))
-    program = Program.of(model, signals)
-    drive = Drive.of(even, model.kind, follow_position=follow_position)
-    start = {'theta': even['position'][0]} if 'position' in even else {}
-    start.update(initial or {})
-    state = np.array([start.get(name, 0.0) for name in model.kind.states])
-    values = {name: np.array([value]) for name, value in model.parameters.values().items()}
-    run = program.run(values, drive, state, substeps=substeps)
-    return Trajectory(even.time, {s: run[:, j, 0] for j, s in enumerate(signals)})

@@ -11,6 +11,9 @@ from motor_sysid.physics.lanes import LANES
 
 Array = NDArray[np.float64]
 
+WORTH_CUTTING = 4_000
+"""Samples from which on half the stretches run in a thread of their own."""
+
 
 @dataclass
 class Workspace:
@@ -48,6 +51,31 @@ def graded(width: Array, parts: int, *, even: bool = False) -> Array:
     """
     shares = np.diff(np.linspace(0.0, 1.0, parts + 1) ** (1 if even else 2))
     return np.concatenate([np.outer(shares, piece) for piece in width])
+
+
+def delays(delay: Array, dt: float) -> tuple[NDArray[np.int64], Array]:
+    """Split input delays (K, W) in s, one after the other.
+
+    Returns
+    -------
+    (W,) whole samples, and the lengths (2, W) of the parts of a sample under either input.
+    """
+    total = np.maximum(delay, 0.0).sum(axis=0) / dt
+    whole = np.floor(np.where(np.isfinite(total), total, 0.0))
+    return whole.astype(np.int64), np.stack(((total - whole) * dt, (1 - total + whole) * dt))
+
+
+def halves(lengths: Sequence[int], begins: Sequence[int]) -> list[slice]:
+    """Cut stretches (of so many samples) in two of about one length, if they are long.
+
+    Only the stretches that are numbered in `begins` need not know how the one before them ended.
+    """
+    ends = np.cumsum([0, *lengths])
+    inner = [n for n in begins if 0 < n < len(lengths)]
+    if not inner or ends[-1] < WORTH_CUTTING:
+        return [slice(0, len(lengths))]
+    middle = min(inner, key=lambda n: float(abs(2 * ends[n] - ends[-1])))
+    return [slice(0, middle), slice(middle, len(lengths))]
 
 
 def filled(push: Array) -> Array:

@@ -24,7 +24,7 @@ from motor_sysid.estimation.batch import (
 )
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]

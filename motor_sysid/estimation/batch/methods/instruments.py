@@ -10,7 +10,7 @@ from motor_sysid.estimation.batch.methods.rows import kept
 from motor_sysid.estimation.online.equation import offsets
 from motor_sysid.estimation.online.regressions import filter_bandwidth
 from motor_sysid.physics.model import Model
-from motor_sysid.physics.rollout import simulate
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
