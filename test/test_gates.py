@@ -74,7 +74,7 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
 
 def note(
     model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True, steady=1.0,
-    sigmas=0.1, trained=4.9,
+    sigmas=0.1, trained=4.9, mends=False, delta=1000.0,
 ):
     old = SimpleNamespace(
         model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=()),
@@ -85,7 +85,9 @@ def note(
     variant = SimpleNamespace(effect=effect(key), inherits=inherits)
     scored = SimpleNamespace(variant=variant, overlap=0.0)
     new = SimpleNamespace(model=model, training=SimpleNamespace(error_percent=trained))
-    return gate_note(scored, new, old, 1000.0, gain, steady, certain, deep, 20.0)
+    return gate_note(
+        scored, new, old, delta, gain, steady, certain, deep, 20.0, mends=mends
+    )
 
 
 def with_effect(key, values):
@@ -110,6 +112,7 @@ def test_what_widens_a_law_needs_more_than_a_certain_trifle():
     assert note(model, 'quadratic_drag', gain=1.0) == ''
     assert '1.0 % only' in note(model, 'quadratic_drag', gain=1.0, inherits=True)
     assert note(model, 'quadratic_drag', gain=2.5, inherits=True) == ''
+    assert note(model, 'quadratic_drag', gain=1.0, inherits=True, mends=True) == ''
 
 
 def test_what_is_far_above_the_noise_counts_in_an_error_that_is_nearly_all_noise():
@@ -122,6 +125,7 @@ def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
     model = with_effect('quadratic_drag', {'k_d': 1e-8})
     assert note(model, 'quadratic_drag', gain=10.0, sigmas=0.3) == ''
     assert 'from nothing' in note(model, 'quadratic_drag', gain=10.0, sigmas=0.4)
+    assert note(model, 'quadratic_drag', gain=11.0, sigmas=0.4, delta=1001.0) == ''
 
 
 def test_what_halves_the_training_error_need_not_help_everywhere():

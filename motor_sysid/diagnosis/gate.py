@@ -28,6 +28,10 @@ MIN_WIDER_GAIN_PERCENT = 2.0
 """The same where the effect widens one that the model has: two extra parameters of a friction
 law first of all make up for what the narrower law has not right to the last detail."""
 
+TORN, MENDED = 1.3, 1.04
+"""Whitened variance, in units of the noise, that a law must leave, and that a wider one may leave,
+so that it is believed like any further effect: nothing is then left for another to explain."""
+
 FAITHFUL = 0.02
 """No law follows its effect closer than this: the square of it, as a share of what the effects of
 a model explain, is what their misfit may look like another function of the same thing."""
@@ -45,6 +49,12 @@ KNOWN = 0.3
 LEAST_CERTAINTY = 9.0
 """Squared number of honest standard errors that an amplitude must be from zero: where errors come
 in bursts, evidence alone counts more than there is."""
+
+SURE, SURE_GAIN = 50.0, 10.0
+"""Evidence in units of what is asked for, and fall of the held-out error in percent, with which an
+effect is there even if its amplitude cannot be told from nothing together with all the others: a
+combination of it and the motor's own parameters may be all that the data see.  The fall must be as
+steady as `CERTAIN_STEADY`."""
 
 HALVED = 0.5
 """Error over the training data, in units of that before, below which an effect that lowers the
@@ -151,6 +161,8 @@ def gate_note(
     certain: bool,
     deep: bool,
     threshold: float,
+    *,
+    mends: bool = False,
 ) -> str:
     """Return why a refit does not pass, in plain words; empty where it does.
 
@@ -170,6 +182,8 @@ def gate_note(
         Whether the whitened held-out error falls beyond doubt.
     deep:
         Whether, more than that, it was far above the noise and comes near it; see `DEEP`.
+    mends:
+        Whether it leaves nothing but noise where there was more; see `TORN`.
     """
     key = scored.variant.effect.key
     if vanished(new.model, key):
@@ -179,7 +193,8 @@ def gate_note(
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
-    if certainty(new.model, key) < LEAST_CERTAINTY:
+    sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= CERTAIN_STEADY
+    if not sure and certainty(new.model, key) < LEAST_CERTAINTY:
         return 'its size cannot be told from nothing'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
@@ -187,7 +202,8 @@ def gate_note(
         return f'{lost} would be nothing with it'
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
-    if certain and gain > (MIN_WIDER_GAIN_PERCENT if scored.variant.inherits else least):
+    trifling = scored.variant.inherits and not mends
+    if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'

@@ -12,14 +12,16 @@ from motor_sysid.diagnosis.gate import (
     DEEP_SHARE,
     gate_note,
     is_certain,
+    MENDED,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
     misfit_of_laws,
     steadiness,
+    TORN,
     UNPHYSICAL,
 )
 from motor_sysid.diagnosis.matched import TOP_ORDER
-from motor_sysid.diagnosis.rung import climb, judge, profile_cost, Rung, slopes, some_of
+from motor_sysid.diagnosis.rung import climb, judge, lost, profile_cost, Rung, slopes, some_of
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
@@ -149,9 +151,12 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         one = starts[0]
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
+    anew = lost(rung.model, bench)
     if not possible[0].variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}
-        tried += [(one, model.with_values(anew)) for one, model in tried[:1]]
+    if anew:
+        one, model = tried[0]
+        tried.append((one, model.with_values(anew)))
 
     def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:
         first = _rough_fit(model, rung.result.weighting, bench, FIRST_STEPS, reweight=0)
@@ -240,8 +245,11 @@ def _judged(
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
+    mends = after < MENDED * rows and level.cost > TORN * rows
     threshold = max(bench.threshold, misfit_of_laws(scored, rung.model, level.explained))
-    note = gate_note(scored, new, rung, delta, gain, steady, certain, deep, threshold)
+    note = gate_note(
+        scored, new, rung, delta, gain, steady, certain, deep, threshold, mends=mends
+    )
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 

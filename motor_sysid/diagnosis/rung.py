@@ -34,7 +34,7 @@ BRIEF, FULL = 1e-5, 1e-7
 """
 
 FINER = 4
-"""Most integration steps per sample, where one is not enough."""
+"""Most integration steps per sample, where one is not enough; but see `WRONG`."""
 
 FINEST = 16
 """The same for the last fit, whose parameters are told."""
@@ -57,8 +57,9 @@ JUDGE = 4
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
-ROUNDING = 0.1
-"""Error of the integration, as a share of what is left, that is not worth finer steps."""
+ROUNDING, WRONG = 0.1, 0.3
+"""Error of the integration, as a share of what is left, that is not worth finer steps; and the
+same where they would be many."""
 
 
 @dataclass(frozen=True)
@@ -112,6 +113,14 @@ def climb(
     result, near = fit_and_slopes(
         problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance, near=near
     )
+    anew = {} if briefly or not model.effects else lost(result.model, bench)
+    if anew:
+        other, beside = fit_and_slopes(
+            bench.problem(result.model.with_values(anew)), result.weighting, reweight=1,
+            iterations=30, tolerance=FULL,
+        )  # fmt: skip
+        if _cost(beside, result.weighting) < _cost(near, result.weighting):
+            result, near = other, beside
     moved = with_best_moments(bench.problem(result.model), result.weighting)
     if moved is not result.model:
         result, near = fit_and_slopes(
@@ -119,6 +128,23 @@ def climb(
             tolerance=tolerance,
         )  # fmt: skip
     return judge(result, bench, near)
+
+
+def lost(model: Model, bench: Bench) -> dict[str, float]:
+    """Return base parameters that lie on their lower bound to their first guess, if that is more.
+
+    While an effect is missing, a friction may fall to nothing; from there the fit of its logarithm
+    has no slope to climb back.
+    """
+    return {
+        p.name: bench.begun[p.name]
+        for p in model.parameters.free
+        if p.logarithmic and p.on_bound and p.value < bench.begun.get(p.name, 0.0)
+    }
+
+
+def _cost(near: Sequence[Linearization], weighting: Weighting) -> float:
+    return normal_equations(near, weighting)[2]
 
 
 def polish(rung: Rung, bench: Bench) -> Rung:
@@ -177,9 +203,15 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     """
     some = replace(bench, train=some_of(bench, rung.model))
 
-    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+    def share(changes: Sequence[Array], left: Sequence[Array]) -> float:
         changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
-        return bool(np.all(changed <= ROUNDING**2 * size))
+        return float(np.sqrt(np.max(changed / np.maximum(size, 1e-300))))
+
+    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+        return share(changes, left) <= ROUNDING
+
+    def bearable(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+        return share(changes, left) <= WRONG
 
     model = rung.model
     sharp = _sharper(model)
@@ -187,11 +219,15 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
         now, other = _residuals(model, some), _residuals(sharp, some)
         if not small(_differences(other, now), now):
             model = sharp
-    steps = _steps(model, some, FINER, small)
-    if steps == bench.substeps and model is rung.model:
-        return rung, bench
-    fine = replace(bench, substeps=steps)
-    return climb(model, fine, rung.result.weighting), fine
+    while True:  # what is left of a better fit may ask for more
+        steps = _steps(model, some, FINER, small)
+        if steps >= FINER:
+            steps = _steps(model, replace(some, substeps=steps), FINEST, bearable)
+        if steps == bench.substeps and model is rung.model:
+            return rung, bench
+        bench, some = replace(bench, substeps=steps), replace(some, substeps=steps)
+        rung = climb(model, bench, rung.result.weighting)
+        model = rung.model
 
 
 def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
@@ -308,7 +344,12 @@ def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
 
 
 def newton_step(gradient: Array, curvature: Array) -> Array:
-    """Return the undamped step to the minimum; along what the data do not see, none."""
+    """Return the undamped step to the minimum; along what the data do not see, none.
+
+    It is not a number where the derivatives are none.
+    """
+    if not np.all(np.isfinite(curvature)):
+        return np.full(gradient.shape, np.nan)
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
     return np.asarray(step / scale)

@@ -150,8 +150,8 @@ def verdict_of(
     If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
     does not explain nearly all, something is missing, but not that; nor is it what is named if
     that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
-    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.  Where base
-    parameters are undetermined, what explains nearly all is named all the same.
+    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
+    Where base parameters are undetermined, what explains nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured

@@ -195,6 +195,9 @@ class Card:
     linear:
         Whether all laws and rates are linear in states and inputs: then they are solved exactly,
         together with the linear motor.
+    pace:
+        Name of the shape that is the rate (rad/s) at which its own states swing, if they are not
+        solved exactly: the steps of the integration follow it.
     hidden_by:
         Shortfalls of the excitation, of `SHORTFALLS`, for which it cannot be seen or told from
         others.
@@ -222,6 +225,7 @@ class Card:
     repeats: int = 1
     covers: str = ''
     linear: bool = False
+    pace: str = ''
     hidden_by: tuple[str, ...] = ()
 
     @property

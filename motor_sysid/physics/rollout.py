@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cached_property
 from itertools import chain, zip_longest
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +26,7 @@ from motor_sysid.physics.lanes import (
 )
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.motors.base import MOST_SUBSTEPS, Motor
 from motor_sysid.physics.workspace import (
     delays,
     filled,
@@ -39,6 +40,9 @@ from motor_sysid.physics.workspace import (
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0))
+
+SWING = 0.5
+"""Angle in rad by which an own state may swing in one step that is not exact."""
 
 GROUP = 8
 """Lanes that are computed together: a block of fewer parameter vectors costs less."""
@@ -123,6 +127,11 @@ class Program:
                 calls.add(lane, 0, 0)
         self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
+        self._paces = [
+            (f'{one.key}.{one.card.pace}', f'{one.key}.{one.card.amplitudes[0].name}')
+            for one in self.effects
+            if one.card.pace
+        ]
         self._delay_names = [self.names.index(name) for name in delays]
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
@@ -278,9 +287,13 @@ class Program:
 
     def substeps(self, column: Array, speed: float, dt: float) -> int:
         """Return how many steps a sample takes with parameters (K,) at a speed in rad/s."""
-        if not self.kind.wave:
-            return 1
-        return self.kind.substeps(dict(zip(self.names, column, strict=True)), speed, dt)
+        values: dict[str, float] = dict(zip(self.names, column.tolist(), strict=True))
+        most = MOST_SUBSTEPS
+        swings: list[int] = [
+            min(math.ceil(values[rate] * math.sqrt(1.0 + values[load]) * dt / SWING), most)
+            for rate, load in self._paces
+        ]
+        return max(self.kind.substeps(values, speed, dt), *swings, 1)
 
     def workspace(
         self, table: Array, dt: float, substeps: int = 1, parts: int = 1, *, delayed: bool = True

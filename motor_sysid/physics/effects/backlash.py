@@ -33,6 +33,7 @@ CARD = Card(
     begins={'omega_l': 'omega'},
     generalises={'flexible_shaft': (('r', 'r'), ('w_a', 'w_a'), ('z', 'z'))},
     shrinks=('J',),
+    pace='w_a',
 )  # fmt: skip
 
 
