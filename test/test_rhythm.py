@@ -40,3 +40,10 @@ def test_without_a_reference_nothing_is_left_out():
     t = DT * np.arange(1000)
     record = Record(t, {'voltage': np.sin(9 * t)}, {'voltage': 'V'})
     assert not Rhythms([record]).has(9 / (2 * np.pi))
+
+
+def test_a_rhythm_that_one_reference_has_alone_is_not_that_of_the_motion():
+    moved = record(back_and_forth())
+    still = moved.select([name for name in moved if 'reference' not in name])
+    assert Rhythms([moved, moved]).has(2 / PERIOD)
+    assert not Rhythms([moved, still]).has(2 / PERIOD)

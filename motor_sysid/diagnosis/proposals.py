@@ -9,7 +9,6 @@ start.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,9 +93,9 @@ def proposals(
                 lacks[force] = _lacks(model, records, force)
             found[one.key] = _moments(one, force, lacks[force], scales)
         else:
-            likely = matched().frequencies(force, 4 * FREQUENCIES)
-            own = (f for f in likely if not rhythms().has(f))
-            found[one.key] = tuple(islice(own, FREQUENCIES))
+            likely = (matched().frequencies(force, 4 * FREQUENCIES), plain().frequencies(force, 4))
+            own = [[f for f in some if not rhythms().has(f)] for some in likely]
+            found[one.key] = tuple(dict.fromkeys((*own[0][:FREQUENCIES], *own[1][:1])))
     return found
 
 

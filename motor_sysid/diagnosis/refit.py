@@ -21,7 +21,16 @@ from motor_sysid.diagnosis.gate import (
     UNPHYSICAL,
 )
 from motor_sysid.diagnosis.matched import TOP_ORDER
-from motor_sysid.diagnosis.rung import climb, judge, lost, profile_cost, Rung, slopes, some_of
+from motor_sysid.diagnosis.rung import (
+    climb,
+    FINER,
+    judge,
+    lost,
+    profile_cost,
+    Rung,
+    slopes,
+    some_of,
+)
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
@@ -184,9 +193,12 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
 def _rough_fit(
     model: Model, weighting: Weighting, bench: Bench, steps: int, *, reweight: int = 1
 ) -> FitResult:
-    """Fit a model to some of the data; to all, where an effect remembers for long."""
-    chains = some_of(bench, model)
-    problem = Problem(model, chains, bench.outputs, substeps=bench.substeps, one_sided=True)
+    """Fit a model to some of the data; to all, where an effect remembers for long.
+
+    What many fine steps tell is left to the judgement of the fit.
+    """
+    chains, substeps = some_of(bench, model), min(bench.substeps, FINER)
+    problem = Problem(model, chains, bench.outputs, substeps=substeps, one_sided=True)
     return fit(problem, weighting, reweight=reweight, iterations=steps, tolerance=ROUGH)
 
 

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.compare import Comparison
+from motor_sysid.diagnosis.swing import Swing, swing_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
@@ -76,6 +77,8 @@ class Remainder:
         Share of the squared error of an output that the simulated motion predicts: the squared
         correlation with a cautious prediction on the held-out data, or what regressions on eleven
         twelfths of all data predict of the rest, whichever is larger; near 0 for noise.
+    swing:
+        One frequency at which it swings in all data, if there is one.
     """
 
     floor: dict[str, float]
@@ -83,12 +86,19 @@ class Remainder:
     error_percent: float
     over_floor: float
     predictable: float
+    swing: Swing | None = None
+
+    @property
+    def swings(self) -> bool:
+        """Whether more of it swings at one frequency than the motion predicts."""
+        return self.swing is not None and self.swing.share > max(self.predictable, STRUCTURE)
 
     @property
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
-        size = self.error_percent * np.sqrt(max(self.predictable, 0.0))
-        return bool(self.above_floor and self.predictable > STRUCTURE and size > TRIFLE_PERCENT)
+        share = max(self.predictable, self.swing.share if self.swing else 0.0)
+        size = self.error_percent * np.sqrt(share)
+        return bool(self.above_floor and share > STRUCTURE and size > TRIFLE_PERCENT)
 
     @property
     def above_floor(self) -> bool:
@@ -136,6 +146,7 @@ def examine_remainder(
         validation.error_percent,
         float(np.max(error / np.maximum(noise, 1e-300))),
         _predictable(training, held, chains, orders),
+        swing_of(training, held, chains),
     )
 
 

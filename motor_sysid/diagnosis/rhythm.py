@@ -32,17 +32,22 @@ class Rhythms:
 
     def __init__(self, records: Sequence[Record]) -> None:
         self._spectra = [
-            (record.dt * len(record), _spectrum(record[name]))
+            [(record.dt * len(record), _spectrum(record[n])) for n in moving_references(record)]
             for record in records
-            for name in moving_references(record)
         ]
 
     def has(self, frequency: float) -> bool:
-        """Whether a reference moves at a frequency in Hz, or at 1/2, 1/3 or 1/4 of it."""
-        return any(
-            _stands_out(power, frequency * duration / n)
-            for duration, power in self._spectra
-            for n in range(1, HARMONICS + 1)
+        """Whether a reference of every record moves at a frequency in Hz, or at 1/2, 1/3 or 1/4.
+
+        What comes at one rhythm while the references have others is no effect of the motion.
+        """
+        return all(
+            any(
+                _stands_out(power, frequency * duration / n)
+                for duration, power in spectra
+                for n in range(1, HARMONICS + 1)
+            )
+            for spectra in self._spectra
         )
 
 

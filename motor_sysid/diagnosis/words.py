@@ -39,11 +39,14 @@ def unknown(
 ) -> list[str]:
     """Say that something unknown is missing, and on which axis it lives."""
     last = ladder[-1]
+    what = f'{100 * left.predictable:.0f} % of it is predictable from the motion'
+    if left.swing and left.swings:
+        share = 100 * left.swing.share
+        what = f'{share:.0f} % of it swings at {left.swing.frequency:.3g} Hz in all data'
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
         f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
-        f'noise in one channel, and {100 * left.predictable:.0f} % of it is predictable from '
-        'the motion.'
+        f'noise in one channel, and {what}.'
     ]
     return [*lines, *shapes(found), *_partial(ladder)]
 

@@ -60,6 +60,9 @@ SECOND = 'and_'
 FRAMES = ('dq', 'abc')
 """How the currents of a three-phase motor are told: on and across the magnet, or by phase."""
 
+REDUCED = 'voltage_reduced'
+"""Name of a law for motors whose only equation is a balance of voltages."""
+
 Law = Callable[..., float]
 
 
@@ -264,7 +267,7 @@ class Effect:
             found.append(replace(self, key=key, card=card, after=found[-1].key))
         return tuple(found)
 
-    def within(self, frame: str, targets: Iterable[str]) -> 'Effect':
+    def within(self, frame: str, targets: Iterable[str], balance: str = '') -> 'Effect':
         """Return the effect with the laws that a motor of that frame and those equations takes.
 
         Parameters
@@ -273,9 +276,14 @@ class Effect:
             One of `FRAMES`, or empty for a motor with one current.
         targets:
             Names of the motor's equations and sensors.
+        balance:
+            Equation to which a law of voltage is added if the effect has none for it, or empty.
         """
         named = [name for target in targets for name in (target, SECOND + target)]
         laws = {name: law for name in named if (law := _of_frame(self.laws, name, frame))}
+        if balance and balance not in laws:
+            standing = self.laws.get(REDUCED) or self.laws.get('voltage')
+            laws |= {balance: standing} if standing else {}
         rates = {
             state: law
             for state in self.card.states
@@ -320,7 +328,7 @@ def load_effect(key: str, module: ModuleType) -> Effect:
             f'it may name {", ".join(SHORTFALLS)}'
         )
     forces = (*FORCES, *(f'torque_{frame}' for frame in FRAMES))
-    known = (*forces, *(SECOND + name for name in forces), *SENSORS)
+    known = (*forces, REDUCED, *(SECOND + name for name in forces), *SENSORS)
     laws = {name: getattr(module, name) for name in known if hasattr(module, name)}
     if not laws and not card.delay:
         raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')

@@ -7,6 +7,7 @@ bridge that is off only in a band around zero command has a small ``u_c``.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
+from motor_sysid.physics.laws import law_function
 
 CARD = Card(
     title='drive/coast switching',
@@ -28,9 +29,20 @@ CARD = Card(
 )  # fmt: skip
 
 
+@law_function
+def pause(u: float, u_c: float) -> float:
+    """Share of the time in which the bridge lets go."""
+    rest = 1.0 - abs(u) / u_c
+    return 0.5 * (rest + abs(rest))
+
+
 def voltage(
     omega: float, u: float, k_t: float, emf_ratio: float, a: float, u_c: float
 ) -> float:
     """Voltage in V."""
-    pause = 1.0 - abs(u) / u_c
-    return a * emf_ratio * k_t * omega * 0.5 * (pause + abs(pause))
+    return a * emf_ratio * k_t * omega * pause(u, u_c)
+
+
+def voltage_reduced(omega: float, u: float, k_v: float, a: float, u_c: float) -> float:
+    """Voltage in V; friction that the missing current cannot tell from back-EMF lets go, too."""
+    return a * k_v * omega * pause(u, u_c)

@@ -154,6 +154,8 @@ class Motor:
         Effects that it cannot have, though its equations would take them.
     wave:
         Parameter that counts the electrical turns in one turn of the shaft, or empty.
+    balance:
+        Its only equation, where that is a balance of voltages under another name, or empty.
     unmeasured:
         Kind that takes its place where its currents were not all recorded, or empty.
     """
@@ -178,6 +180,7 @@ class Motor:
     wave: str = ''
     prompt: bool = False
     foreign: tuple[str, ...] = ()
+    balance: str = ''
     unmeasured: str = ''
 
     def names(self) -> set[str]:
@@ -189,7 +192,8 @@ class Motor:
     def taking(self, one: Effect) -> Effect:
         """Return an effect with those of its laws that this motor takes."""
         sensors = [f'{output.signal}_sensor' for output in self.outputs]
-        return one.within(self.frame, (*(force.name for force in self.forces), *sensors))
+        equations = [force.name for force in self.forces]
+        return one.within(self.frame, (*equations, *sensors), self.balance)
 
     def with_derived(
         self, signals: Mapping[str, Array], values: Mapping[str, float]

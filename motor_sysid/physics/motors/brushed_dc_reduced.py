@@ -80,4 +80,5 @@ MOTOR = Motor(
     matrices=matrices,
     start=start,
     drive_torque=drive_torque,
+    balance='torque',
 )
