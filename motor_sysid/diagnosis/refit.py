@@ -56,6 +56,9 @@ several starts is chosen."""
 MOMENTS_APART = 100
 """Moments of a record that can be told apart: what matters lasts a hundredth of it."""
 
+USUAL = 0.2
+"""Amplitude in units of its scale from which a fit in full begins as well."""
+
 MANY, STARTS, WORTH = 4, 3, 0.5
 """Variants above which an effect is refitted from several of them, how many at most, and what
 share of the best one's promise they must make."""
@@ -179,6 +182,27 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
     rough = _rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
     return _judged(one, _standing(rough, bench), level, bench)
+
+
+def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
+    """Fit an effect in full to all of the data, with a noise model of its own, and judge it.
+
+    Where much is missing, the noise model of a rough fit takes most of it for noise, and the score
+    promises too little; and where signs are sharp already, the way has many valleys.
+    """
+    model = _opened(start.variant.model, level.rung.model, start)
+    widths = {name: model[name] for name in bench.blunt if name in model.parameters}
+    blunt = {name: max(widths[name], bench.blunt[name]) for name in widths}
+    key, first = start.variant.effect.key, start.variant.effect.card.amplitudes[0]
+    size = model.parameters[f'{key}.{first.name}']
+    more = max(size.value, min(USUAL * bench.scales.size(first.scale), size.upper))
+    fits = [
+        climb(one.with_values(blunt), bench)
+        for one in (model, model.with_values({size.name: more}))
+    ]
+    best = min(fits, key=lambda fit: fit.training.error_percent)
+    new = climb(best.model.with_values(widths), bench, best.result.weighting)
+    return _judged(start, replace(new, near=()), level, bench, new.near)
 
 
 def settled(trial: Trial, level: Level, bench: Bench) -> Trial:

@@ -4,9 +4,18 @@ from collections.abc import Callable, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
-from motor_sysid.diagnosis.gate import ALIKE
+import numpy as np
+
+from motor_sysid.diagnosis.gate import ALIKE, UNPHYSICAL
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, Level, settled, Trial, try_roughly
+from motor_sysid.diagnosis.refit import (
+    best_per_effect,
+    Level,
+    settled,
+    Trial,
+    try_roughly,
+    try_thoroughly,
+)
 from motor_sysid.diagnosis.rung import profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
@@ -14,6 +23,8 @@ from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import related, winner_of
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.model import SpeedSensor
+from motor_sysid.signals.noise import noise_sigma
 
 Tell = Callable[[str], None]
 
@@ -25,6 +36,10 @@ ONLY_NOISE = 1.02
 
 SURELY_MORE = 1.04
 """The same from which on a model leaves something for certain: a noise model is that much off."""
+
+LOST, THOROUGH = 5.0, 3
+"""Held-out error in units of the sensor noise from which on, if nothing passes, so many effects
+are fitted in full."""
 
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
@@ -90,6 +105,8 @@ def refitted(
         trials = list(pool.map(roughly, chosen))
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
+        if not any(trial.passes for trial in trials) and is_lost(rung, bench):
+            trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
         winner = winner_of(passing) if passing else None
@@ -97,6 +114,29 @@ def refitted(
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials
+
+
+def is_lost(rung: Rung, bench: Bench) -> bool:
+    """Whether a model leaves so much that what is missing may pass for noise."""
+    late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
+    left = np.concatenate(rung.held.residuals)
+    noise = [
+        np.median([noise_sigma(r[:, j], differenced=late and name == 'speed')
+                   for r in rung.held.residuals])
+        for j, name in enumerate(bench.outputs)
+    ]  # fmt: skip
+    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > LOST * np.array(noise)))
+
+
+def _again(
+    trials: Sequence[Trial], chosen: Sequence[Sequence[Scored]], fit: Callable[[Scored], Trial]
+) -> list[Trial]:
+    """Return the trials, those that lower the held-out error most after another fit."""
+    starts = {one[0].variant.effect.key: one[0] for one in chosen}
+    possible = [t for t in trials if t.key in starts and t.note != UNPHYSICAL]
+    best = sorted(possible, key=lambda t: -t.gain_percent)[:THOROUGH]
+    fitted = {t.key: fit(starts[t.key]) for t in best}
+    return [fitted.get(t.key, t) for t in trials]
 
 
 def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:

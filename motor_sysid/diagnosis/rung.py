@@ -54,6 +54,10 @@ FINER_BY = 8
 JUDGE = 4
 """How much finer than the most that are allowed those steps are by which the others are judged."""
 
+HOPELESS = 1.5
+"""Sum of squares with another speed sensor, after one step from where the fit is, in units of what
+it must come to, from which on no fit is tried."""
+
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
@@ -371,7 +375,11 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
     for sensor in bench.sensors:
         if sensor is not rung.model.speed_sensor:
-            other = climb(replace(rung.model, speed_sensor=sensor), bench, weighting)
+            model = replace(rung.model, speed_sensor=sensor)
+            now = replace(rung, result=replace(rung.result, model=model), near=())
+            if profile_cost(now, bench, weighting)[0] > HOPELESS * least:
+                continue
+            other = climb(model, bench, weighting)
             cost = profile_cost(other, bench, weighting)[0]
             if cost < least and np.isfinite(other.held.error_percent):
                 best, least = other, cost

@@ -66,6 +66,8 @@ class Bench:
     begun:
         First guess of the base parameters, from which a fit of a delay or a lag begins as well:
         the inductance and the inertia that make up for it hardly find back.
+    blunt:
+        Widths of smoothed signs to begin with: with narrow ones a fit has many valleys.
     horizon:
         How far ahead `train` and `held` look, s; None for free runs.
     substeps:
@@ -87,6 +89,7 @@ class Bench:
     rough: tuple[Chain, ...] = ()
     sensors: tuple[SpeedSensor, ...] = ()
     begun: Mapping[str, float] = field(default_factory=dict)
+    blunt: Mapping[str, float] = field(default_factory=dict)
     substeps: int = 1
     threshold: float = UNCALIBRATED
 
@@ -229,6 +232,7 @@ def make_bench(
         thinned(fitting, kind, outputs, ROUGH_ROWS),
         sensors=_sensors(train, outputs),
         begun=begun,
+        blunt=_widths(kind, train),
     )  # fmt: skip
 
 
