@@ -273,7 +273,7 @@ def remaining(count, error, drive=None, reference=None):
         percent = 100 * np.sqrt(np.mean(residual**2) / np.mean(measured**2))
         led = {} if reference is None else {'speed_reference': reference[part]}
         record = Record(time[part] - time[part][0], led, dict.fromkeys(led, 'rad/s'))
-        driven = SimpleNamespace(inputs=drive[part, np.newaxis], position=np.empty(0))
+        driven = SimpleNamespace(inputs=drive[part, np.newaxis], position=np.empty(0), dt=1e-3)
         stretch = SimpleNamespace(scored=True, scored_from=0, record=record, drive=driven)
         chains.append([[stretch]])
         runs.append(SimpleNamespace(

@@ -3,7 +3,8 @@
 With drive/brake switching the motor is shorted between pulses and its mean voltage is duty times
 supply.  With drive/coast switching the terminals float instead once the current has died away,
 and show the back-EMF: the mean is ``u + (1 - |u|/u_c) e``, with ``u_c`` the supply voltage.  A
-bridge that is off only in a band around zero command has a small ``u_c``.
+bridge that is off only in a band around zero command has a small ``u_c``.  Where the current is not
+measured, friction that cannot be told from back-EMF seems to let go, too.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
@@ -44,5 +45,5 @@ def voltage(
 
 
 def voltage_reduced(omega: float, u: float, k_v: float, a: float, u_c: float) -> float:
-    """Voltage in V; friction that the missing current cannot tell from back-EMF lets go, too."""
+    """Voltage in V."""
     return a * k_v * omega * pause(u, u_c)
