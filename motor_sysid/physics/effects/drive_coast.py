@@ -3,7 +3,7 @@
 With drive/brake switching the motor is shorted between pulses and its mean voltage is duty times
 supply.  With drive/coast switching the terminals float instead once the current has died away,
 and show the back-EMF: the mean is ``u + (1 - |u|/u_c) e``, with ``u_c`` the supply voltage.  A
-bridge that is off only in a band around zero command has a small ``u_c``.  Where the current is not
+bridge that is off only in a band around zero command has a small ``u_c``.  Where no current is
 measured, friction that cannot be told from back-EMF seems to let go, too.
 """
 
