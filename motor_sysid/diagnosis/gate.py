@@ -53,8 +53,7 @@ in bursts, evidence alone counts more than there is."""
 SURE, SURE_GAIN = 50.0, 10.0
 """Evidence in units of what is asked for, and fall of the held-out error in percent, with which an
 effect is there even if its amplitude cannot be told from nothing together with all the others: a
-combination of it and the motor's own parameters may be all that the data see.  The fall must be as
-steady as `CERTAIN_STEADY`."""
+combination of it and the motor's own parameters may be all that the data see."""
 
 HALVED = 0.5
 """Error over the training data, in units of that before, below which an effect that lowers the
@@ -128,12 +127,15 @@ def _at_limit(model: Model, one: Effect) -> str:
 def gone(new: Model, old: Model) -> str:
     """Return a parameter of the motor that was well known and is now nothing, or nothing.
 
-    Friction may turn out to be of another kind; back-EMF, resistance and inertia are always there.
+    Friction may turn out to be of another kind, and an inductance may be too small to be seen;
+    back-EMF, resistance and inertia are always there.
     """
     before = {p.name: p for p in old.parameters}
     for p in new.parameters.free:
         was = before.get(p.name)
-        if was is None or was.on_bound or was.sigma is None or '.' in p.name:
+        if was is None or was.on_bound or was.sigma is None:
+            continue
+        if '.' in p.name or p.name.startswith('L'):
             continue
         if p.logarithmic and p.on_bound and was.sigma < KNOWN * was.value:
             return f'{p.name} ({p.description})'
@@ -193,7 +195,7 @@ def gate_note(
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
-    sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= CERTAIN_STEADY
+    sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= MIN_STEADY
     if not sure and certainty(new.model, key) < LEAST_CERTAINTY:
         return 'its size cannot be told from nothing'
     if limit := _at_limit(new.model, scored.variant.effect):
