@@ -185,7 +185,7 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
 
 
 def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
-    """Fit an effect in full to all of the data, with a noise model of its own, and judge it.
+    """Fit an effect with a noise model of its own, in the end to all of the data, and judge it.
 
     Where much is missing, the noise model of a rough fit takes most of it for noise, and the score
     promises too little; and where signs are sharp already, the way has many valleys.
@@ -196,12 +196,15 @@ def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
     key, first = start.variant.effect.key, start.variant.effect.card.amplitudes[0]
     size = model.parameters[f'{key}.{first.name}']
     more = max(size.value, min(USUAL * bench.scales.size(first.scale), size.upper))
+    some = replace(
+        bench, substeps=min(bench.substeps, FINER)
+    )
     fits = [
-        climb(one.with_values(blunt), bench)
+        fit(some.problem(one.with_values(blunt)))
         for one in (model, model.with_values({size.name: more}))
     ]
-    best = min(fits, key=lambda fit: fit.training.error_percent)
-    new = climb(best.model.with_values(widths), bench, best.result.weighting)
+    best = min(fits, key=misfit)
+    new = climb(best.model.with_values(widths), bench, best.weighting)
     return _judged(start, replace(new, near=()), level, bench, new.near)
 
 

@@ -133,7 +133,9 @@ def _again(
 ) -> list[Trial]:
     """Return the trials, those that lower the held-out error most after another fit."""
     starts = {one[0].variant.effect.key: one[0] for one in chosen}
-    possible = [t for t in trials if t.key in starts and t.note != UNPHYSICAL]
+    possible = [
+        t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > 0.0
+    ]
     best = sorted(possible, key=lambda t: -t.gain_percent)[:THOROUGH]
     fitted = {t.key: fit(starts[t.key]) for t in best}
     return [fitted.get(t.key, t) for t in trials]

@@ -37,6 +37,9 @@ EXPLAINED = 0.9
 """Share of the squared error beyond sensor noise that what is named must explain, where something
 predictable remains or where base parameters are undetermined."""
 
+FAINT = 0.02
+"""Predictable share of the squared error below which next to nothing can be predicted."""
+
 NOTICED = 1.1
 """Fall of the held-out error from which on an effect is no trifle, however small the error was."""
 
@@ -163,7 +166,7 @@ def verdict_of(
         return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
-    larger = left.predictable * after > before - after
+    larger = left.predictable > FAINT and left.predictable * after > before - after
     doubted = (doubted or larger) and explained < NEARLY_ALL
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
     doubted = doubted or max(accounted, surely) < NEARLY_ALL
