@@ -292,6 +292,39 @@ def test_stretches_that_run_side_by_side_come_to_the_same(effects, restarts):
     assert len(cut) == (2 if free else 1)
 
 
+def test_steps_follow_teeth_that_swing_faster_than_the_samples():
+    """A gear of 200 rad/s, sampled every 10 ms; beside steps eight times as many again."""
+    record = Record(
+        0.01 * np.arange(300), {'voltage': np.repeat([8.0, -8.0, 4.0], 100)}, {'voltage': 'V'}
+    )
+    gear = {'r': 3.0, 'phi_g': 0.05, 'w_a': 200.0, 'z': 0.05}
+    model = Model.base('brushed_dc', MOTOR).with_effect('backlash', gear)
+    program = Program.of(model, ('speed',))
+    values = model.parameters.values()
+    column = np.array([values[name] for name in program.names])
+    assert program.substeps(column, 0.0, 0.01) == 8  # 200 sqrt(1 + 3) 0.01 = 4 rad by halves
+    assert program.substeps(column, 0.0, 1e-4) == 1
+    runs = (simulate(model, record, ['speed'], substeps=n) for n in (1, 8))
+    coarse, fine = (run.outputs['speed'] for run in runs)
+    assert np.all(np.isfinite(coarse))
+    assert np.std(coarse - fine) < 0.05 * np.std(fine)
+
+
+def test_a_motor_without_current_coasts_where_its_bridge_lets_go():
+    """Between pulses only the share that is still shorted brakes."""
+    reduced = Model.base('brushed_dc_reduced', {'k_v': 0.05, 'k_a': 5e-3})
+    model = reduced.with_effect('drive_coast', {'a': 0.8, 'u_c': 1.0})
+    volts = np.where(np.arange(400) < 200, 5.0, 0.0)
+    record = Record(DT * np.arange(400), {'voltage': volts}, {'voltage': 'V'})
+    speed = simulate(model, record, ['speed']).outputs['speed']
+    free = simulate(reduced, record, ['speed']).outputs['speed']
+    assert speed[:200] == pytest.approx(free[:200], rel=1e-9)
+    tau = 5e-3 / 0.05
+    after = DT * np.arange(200)
+    assert speed[200:] == pytest.approx(speed[200] * np.exp(-0.2 * after / tau), rel=1e-4)
+    assert free[200:] == pytest.approx(free[200] * np.exp(-after / tau), rel=1e-6)
+
+
 def test_missing_inputs_are_named():
     record = random_steps(50, name='current', unit='A')
     with pytest.raises(UserError, match='needs voltage as input'):

@@ -10,9 +10,16 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose, refit
 from motor_sysid.diagnosis.moments import with_honest_moments
-from motor_sysid.diagnosis.refit import best_per_effect, Level, searching, Trial, try_effect
+from motor_sysid.diagnosis.refit import (
+    best_per_effect,
+    Level,
+    searching,
+    Trial,
+    try_effect,
+    try_thoroughly,
+)
 from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb, exact, held_at_best, judge, Rung
+from motor_sysid.diagnosis.rung import climb, exact, held_at_best, judge, lost, Rung
 from motor_sysid.diagnosis.setup import Bench, make_bench, with_scales
 from motor_sysid.estimation.batch import (
     fit,
@@ -229,3 +236,29 @@ def test_what_is_left_is_judged_with_the_parameters_at_their_best():
     assert biased.held.error_percent > 1.5 * rung.held.error_percent
     best = held_at_best(biased, bench)
     assert best.error_percent == pytest.approx(rung.held.error_percent, rel=0.02)
+
+
+# --- what was lost while an effect was missing
+
+
+def test_a_friction_that_fell_to_nothing_comes_back_with_the_effect_that_was_missing():
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, _ = prepared(data, SpeedSensor.DIFFERENCE)
+    lowest = next(p.lower for p in motor('brushed_dc').parameters if p.name == 'b')
+    model = Model.base('brushed_dc', {**START, 'b': lowest}, speed_sensor=SpeedSensor.DIFFERENCE)
+    assert lost(model, bench) == {'b': bench.begun['b']}
+    assert lost(model.with_values({'b': 1e-6}), bench) == {}
+    found = climb(model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
+    assert found.model['b'] == pytest.approx(MOTOR['b'], rel=0.2)
+
+
+def test_a_fit_in_full_begins_with_blunt_signs_and_ends_with_sharp_ones():
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE, omega_eps=0.05)
+    assert bench.blunt['omega_eps'] > 0.05
+    scores = scored(rung, bench, [effect('coulomb_friction')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    trial = try_thoroughly(scores.singles[0], level, bench)
+    assert trial.passes
+    assert trial.rung.model['omega_eps'] == 0.05
+    assert trial.rung.model['coulomb_friction.tau_c'] == pytest.approx(6e-3, rel=0.05)

@@ -145,7 +145,8 @@ def minimize(
     """
     lower, upper = problem.box()
     z = np.clip(problem.vector() if start is None else start, lower, upper)
-    simulations, each, trusted = 0, 2 * z.size + 1, True
+    sides = 1 if problem.one_sided else 2
+    simulations, each, trusted = 0, sides * z.size + 1, True
     if not near:
         near = problem.linearize(z)
         simulations += each

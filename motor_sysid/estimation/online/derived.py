@@ -47,7 +47,7 @@ class DerivedSignals:
         ]
         calls = [(lane.address, 0, 0, ROW_OF_FORCE[_ROW] * LANES, 1) for lane in self._lanes]
         reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]
-        self._calls = np.ascontiguousarray(np.array(calls, dtype=np.int64).reshape(-1, 5).T)
+        self._calls = np.array(calls, dtype=np.int64).reshape(-1, 5)
         self._reads = np.array(reads, dtype=np.int64).reshape(-1, 2)
 
     def fill(self, signals: Array) -> None:

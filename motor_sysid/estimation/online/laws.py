@@ -65,7 +65,7 @@ class LawColumns:
         States and inputs that the laws and the rates of their own states read.
     table:
         What the compiled functions of this module take: memory of the laws (a buffer as
-        `motor_sysid.physics.lanes` describes it) and its address; (5, L) addresses of the laws,
+        `motor_sysid.physics.lanes` describes it) and its address; (L, 5) addresses of the laws,
         where their parameters, own states and results lie, and how many columns they fill;
         (R, 2) rows of the buffer and the entries of the signals that belong there.
     """
@@ -91,7 +91,7 @@ class LawColumns:
         calls = np.array(self._calls, dtype=np.int64).reshape(-1, 5)
         reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]
         self.table = (
-            buffer, buffer.ctypes.data, np.ascontiguousarray(calls.T),
+            buffer, buffer.ctypes.data, calls,
             np.array(reads, dtype=np.int64).reshape(-1, 2),
         )  # fmt: skip
         self._begins = [(offset, list(signals).index(core)) for offset, core in self._begin_at]
@@ -160,19 +160,14 @@ class LawColumns:
             count = min(width - k * LANES, LANES)
             self._calls.append((lane.address, own, state, target, count))
 
-    def _own_states(self) -> tuple[tuple[Integers, ...], NDArray[np.bool_], Integers, Integers]:
+    def _own_states(self) -> tuple[Integers, NDArray[np.bool_], Integers, Integers]:
         """Return calls, whether they fade, values and rates; see `predict_own`."""
         names = [lane.target for lane, *_ in self._rates]
         firsts = [state for _, _, state, _ in self._rates]
         at = [firsts[:k].count(state) * LANES for k, state in enumerate(firsts)]
-        calls = tuple(
-            np.array(part, dtype=np.int64)
-            for part in (
-                [lane.address for lane, *_ in self._rates],
-                [own for _, own, *_ in self._rates],
-                firsts,
-            )
-        )
+        calls = np.array(
+            [(lane.address, own, state) for lane, own, state, _ in self._rates], dtype=np.int64
+        ).reshape(-1, 3)
         fades = [name in r[0].arguments for name, r in zip(names, self._rates, strict=True)]
         values = np.array(firsts, dtype=np.int64) + np.array(at, dtype=np.int64)
         rates = values + LANES * np.array([r[3] for r in self._rates], dtype=np.int64)
@@ -192,19 +187,18 @@ class LawColumns:
 @njit(cache=True, error_model='numpy')
 def evaluate_columns(buffer, base, calls, reads, signals, out):  # type: ignore[no-untyped-def]
     """Write every column to `out` (C,) for a vector of signals; see `LawColumns.table`."""
-    if calls.shape[1] == 0:
+    if calls.shape[0] == 0:
         return
     for r in range(reads.shape[0]):
         row = reads[r, 0] * LANES
         for k in range(LANES):
             buffer[row + k] = signals[reads[r, 1]]
-    laws = (calls[0], calls[1], calls[2])
     at = 0
-    for i in range(calls.shape[1]):
-        row, wide = calls[_TARGET, i], calls[_WIDTH, i]
+    for i in range(calls.shape[0]):
+        row, wide = calls[i, _TARGET], calls[i, _WIDTH]
         for k in range(wide):
             buffer[row + k] = 0.0
-        call_all(wide, base, laws, i, i + 1)
+        call_all(wide, base, calls, i, i + 1)
         for k in range(wide):
             out[at + k] = buffer[row + k]
         at += wide
