@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
+from motor_sysid.diagnosis.polish import polish
 from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
@@ -21,7 +22,6 @@ from motor_sysid.diagnosis.rung import (
     climb,
     exact,
     held_at_best,
-    polish,
     refined,
     Rung,
     slopes,

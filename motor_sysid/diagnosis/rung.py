@@ -11,7 +11,6 @@ from motor_sysid.diagnosis.moments import with_best_moments, with_honest_moments
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
     Chain,
-    fit,
     fit_and_slopes,
     FitResult,
     Linearization,
@@ -149,20 +148,6 @@ def lost(model: Model, bench: Bench) -> dict[str, float]:
 
 def _cost(near: Sequence[Linearization], weighting: Weighting) -> float:
     return normal_equations(near, weighting)[2]
-
-
-def polish(rung: Rung, bench: Bench) -> Rung:
-    """Fit a model that was fitted over short looks ahead once more over free runs.
-
-    The result counts only if it runs better on held-out data, too.
-    """
-    if bench.horizon is None:
-        return rung
-    free = Problem(rung.model, bench.train_free, bench.outputs, substeps=bench.substeps)
-    better = judge(fit(free), bench)
-    improved = better.validation.error_percent < rung.validation.error_percent
-    improved = improved and not any(vanished(better.model, key) for key in better.model.effects)
-    return better if improved else rung
 
 
 def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -> Rung:
