@@ -171,3 +171,6 @@ def test_what_takes_the_place_of_the_back_emf_is_none():
     assert gone(new, old) == 'k_t (torque constant, and back-EMF constant)'
     assert gone(old, old) == ''
     assert gone(new, old.with_estimates({}, {'k_t': 0.04})) == ''  # it was not known
+    known = old.with_estimates({}, {'L': 0.01 * old['L']})
+    least = old.parameters['L'].lower
+    assert gone(known.with_values({'L': least}), known) == '', 'too small to be seen'

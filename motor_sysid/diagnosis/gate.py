@@ -135,7 +135,7 @@ def gone(new: Model, old: Model) -> str:
         was = before.get(p.name)
         if was is None or was.on_bound or was.sigma is None:
             continue
-        if '.' in p.name or p.name.startswith('L'):
+        if '.' in p.name or p.unit == 'H':
             continue
         if p.logarithmic and p.on_bound and was.sigma < KNOWN * was.value:
             return f'{p.name} ({p.description})'

@@ -195,10 +195,9 @@ def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
     blunt = {name: max(widths[name], bench.blunt[name]) for name in widths}
     key, first = start.variant.effect.key, start.variant.effect.card.amplitudes[0]
     size = model.parameters[f'{key}.{first.name}']
-    more = max(size.value, min(USUAL * bench.scales.size(first.scale), size.upper))
-    some = replace(
-        bench, substeps=min(bench.substeps, FINER)
-    )
+    usual = min(USUAL * bench.scales.size(first.scale), size.upper)
+    more = min(size.value, -usual) if size.value < 0.0 else max(size.value, usual)
+    some = replace(bench, substeps=min(bench.substeps, FINER))
     fits = [
         fit(some.problem(one.with_values(blunt)))
         for one in (model, model.with_values({size.name: more}))

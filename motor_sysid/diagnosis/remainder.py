@@ -78,7 +78,7 @@ class Remainder:
         correlation with a cautious prediction on the held-out data, or what regressions on eleven
         twelfths of all data predict of the rest, whichever is larger; near 0 for noise.
     swing:
-        One frequency at which it swings in all data, if there is one.
+        One frequency at which it swings in training and held-out data, if there is one.
     """
 
     floor: dict[str, float]

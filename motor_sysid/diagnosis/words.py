@@ -41,8 +41,8 @@ def unknown(
     last = ladder[-1]
     what = f'{100 * left.predictable:.0f} % of it is predictable from the motion'
     if left.swing and left.swings:
-        share = 100 * left.swing.share
-        what = f'{share:.0f} % of it swings at {left.swing.frequency:.3g} Hz in all data'
+        share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
+        what = f'{share:.0f} % of it swings at {pace}, as in the training data'
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
         f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
