@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from motor_sysid.estimation.batch.information import information
 from motor_sysid.estimation.batch.problem import Linearization
 from motor_sysid.estimation.batch.stationary import stationary_scores
 from motor_sysid.estimation.batch.weighting import Weighting
@@ -71,3 +72,17 @@ def test_the_sum_over_lags_is_what_it_says():
     ratio = found / (0.5 * (expected + expected.T))
     np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-9)
     assert 1.0 < ratio[0, 0] < 1.1
+
+
+def test_a_scale_that_nothing_fixes_has_no_standard_error():
+    """Three torques over one inertia: every one of them is seen in units of the others only."""
+    rng = np.random.default_rng(5)
+    columns = rng.normal(size=(500, 3)) * [1.0, 0.02, 300.0]
+    scale = columns.sum(axis=1, keepdims=True)
+    told = information(np.concatenate((columns, scale), axis=1), ('k_t', 'b', 'tau_l', 'J'))
+    assert told.rank == 3
+    assert told.combined == {'k_t', 'b', 'tau_l', 'J'}
+    assert np.all(np.isinf(told.bound))
+    free = information(columns, ('k_t', 'b', 'tau_l'))
+    assert not free.combined
+    assert np.all(np.isfinite(free.bound))

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from motor_sysid.diagnosis.ahead import hopeful, stands
 from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
@@ -174,11 +175,16 @@ class _Engine:
                 break
             if not passing:
                 other = None if reconsidered else self.exchange().better(rung, start, rivals)
-                if other is None:
+                if other is not None:
+                    rung, self.bench = refined(other, self.bench)
+                    reconsidered = True
+                    continue
+                step = self.ahead(rung, trials, ladder[0][0])
+                if step is None:
                     break
-                rung, self.bench = refined(other, self.bench)
-                reconsidered = True
-                continue
+                ladder.append(step)
+                rung, trials = step
+                passing = [t for t in trials if t.passes]
             winner = winner_of(passing)
             rivals[winner.key] = rivals_of(winner, passing)
             self.gains[winner.key] = winner.delta_bic
@@ -218,6 +224,20 @@ class _Engine:
         trials = refitted(scores, rung, self.bench, limit, self.tell, base)
         self.tried[state_of(rung.model)] = trials
         return rung, trials
+
+    def ahead(
+        self, rung: Rung, trials: Sequence[Trial], base: Rung
+    ) -> tuple[Rung, list[Trial]] | None:
+        """Return a fit with an effect that does not pass alone, and what passes on top of it."""
+        for first in hopeful(trials, self.bench.threshold):
+            self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
+            fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
+            fitted, further = self.round(fitted, base)
+            passing = [t for t in further if t.passes]
+            if passing and stands(winner_of(passing), rung):
+                self.gains[first.key] = first.delta_bic
+                return fitted, further
+        return None
 
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""

@@ -37,6 +37,10 @@ FAITHFUL = 0.02
 a model explain, is what their misfit may look like another function of the same thing."""
 
 UNPHYSICAL = 'unphysical sign'
+TOO_LITTLE = 'lowers the held-out error by'
+UNSTEADY = 'helps in some of the held-out data and harms in other'
+HELD_BACK = (TOO_LITTLE, UNSTEADY)
+"""How notes begin that keep an effect out which the training data speak for."""
 
 BLOCKS = 20
 MIN_STEADY = 0.75
@@ -196,7 +200,7 @@ def gate_note(
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else 'no evidence'
     sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= MIN_STEADY
-    if not sure and certainty(new.model, key) < LEAST_CERTAINTY:
+    if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return 'its size cannot be told from nothing'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
@@ -208,8 +212,8 @@ def gate_note(
     if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
-        return f'lowers the held-out error by {max(gain, 0.0):.1f} % only'
+        return f'{TOO_LITTLE} {max(gain, 0.0):.1f} % only'
     halved = new.training.error_percent < HALVED * old.training.error_percent
     if steady < MIN_STEADY and not halved:
-        return 'helps in some of the held-out data and harms in other'
+        return UNSTEADY
     return ''

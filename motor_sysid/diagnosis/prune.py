@@ -36,7 +36,7 @@ def pruned(
         Is told what is dropped.
     """
     for key in rung.model.effects[:-1]:
-        if certainty(rung.model, key) <= BEYOND_DOUBT * bench.threshold:
+        if certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
             slim = _simpler(rung, rung.model.without_effect(key), bench)
             if slim is not rung:
                 tell(f'dropping {key}: no longer needed')

@@ -6,6 +6,9 @@ judged on the held-out data: the share of the remaining error that it predicts t
 
 In a closed loop the controller answers to random loads, too, so that the input predicts them:
 there the motion counts as far as the reference leads it.
+
+What cannot be predicted is missing physics, too, if it swings at one frequency in all data, or if
+the model describes one record much worse than another.
 """
 
 from collections.abc import Sequence
@@ -18,6 +21,7 @@ from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.diagnosis.swing import Swing, swing_of
+from motor_sysid.diagnosis.uneven import EVEN, UNEVEN, Unevenness, unevenness_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
@@ -79,6 +83,8 @@ class Remainder:
         twelfths of all data predict of the rest, whichever is larger; near 0 for noise.
     swing:
         One frequency at which it swings in training and held-out data, if there is one.
+    unevenness:
+        How much larger it is in one record than in another.
     """
 
     floor: dict[str, float]
@@ -87,6 +93,7 @@ class Remainder:
     over_floor: float
     predictable: float
     swing: Swing | None = None
+    unevenness: Unevenness = EVEN
 
     @property
     def swings(self) -> bool:
@@ -94,8 +101,15 @@ class Remainder:
         return self.swing is not None and self.swing.share > max(self.predictable, STRUCTURE)
 
     @property
+    def uneven(self) -> bool:
+        """Whether much more of it is in one record than in another, and that is no trifle."""
+        return self.unevenness.ratio > UNEVEN and self.unevenness.percent > TRIFLE_PERCENT
+
+    @property
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
+        if self.uneven:
+            return True
         share = max(self.predictable, self.swing.share if self.swing else 0.0)
         size = self.error_percent * np.sqrt(share)
         return bool(self.above_floor and share > STRUCTURE and size > TRIFLE_PERCENT)
@@ -147,6 +161,7 @@ def examine_remainder(
         float(np.max(error / np.maximum(noise, 1e-300))),
         _predictable(training, held, chains, orders),
         swing_of(training, held, chains),
+        unevenness_of(training, held, chains, noise),
     )
 
 

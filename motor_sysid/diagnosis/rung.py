@@ -377,7 +377,13 @@ def vanished(model: Model, key: str) -> bool:
     return bool(own) and all(p.value <= 1e-9 * p.upper for p in own)
 
 
-def certainty(model: Model, key: str) -> float:
-    """Return the largest squared ratio of an effect's amplitude to its standard error."""
-    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+def certainty(rung: Rung, key: str) -> float:
+    """Return the largest squared ratio of an effect's amplitude to its standard error.
+
+    Infinite for one that the data see in combination with other parameters only: that it is there
+    the evidence says, and how large it is nobody.
+    """
+    own = [rung.model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+    if any(p.name in rung.result.information.combined for p in own):
+        return np.inf
     return max(((p.value / p.sigma) ** 2 for p in own if p.sigma and not p.on_bound), default=0.0)

@@ -43,6 +43,10 @@ def unknown(
     if left.swing and left.swings:
         share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
         what = f'{share:.0f} % of it swings at {pace}, as in the training data'
+    elif left.uneven and left.predictable < STRUCTURE:
+        what = (
+            f'the model describes one record {left.unevenness.ratio:.2g} times worse than another'
+        )
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
         f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '

@@ -11,7 +11,8 @@ Array = NDArray[np.float64]
 SINGULAR = 1e-9
 """Eigenvalue of the scaled curvature below which a combination counts as unseen."""
 
-_INVOLVED = 0.2
+_INVOLVED = 0.02
+"""Share in an unseen combination, over the largest, below which a parameter has no part in it."""
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,15 @@ class Information:
     covariance: Array
     unseen: Array
 
+    @property
+    def combined(self) -> frozenset[str]:
+        """Parameters that the data see only in combination with others."""
+        groups = [_involved(self.names, one) for one in self.unseen]
+        return frozenset(name for group in groups if len(group) > 1 for name in group)
+
     def words(self) -> tuple[str, ...]:
         """Say what is not seen, and what helps."""
-        return tuple(_words(self.names, one) for one in self.unseen)
+        return tuple(_words(_involved(self.names, one)) for one in self.unseen)
 
 
 def information(slopes: Array, names: Sequence[str], scale: Array | None = None) -> Information:
@@ -75,9 +82,11 @@ def of_curvature(
     inverse = (vectors[:, ~dark] / values[~dark]) @ vectors[:, ~dark].T
     bound = np.sqrt(np.maximum(np.diag(inverse), 0.0)) / size
     hidden = vectors[:, dark]
-    bound[np.any(np.abs(hidden) > _INVOLVED, axis=1)] = np.inf
     along = hidden / size[:, np.newaxis]
     unseen = along / np.maximum(np.linalg.norm(along, axis=0), 1e-300)
+    for part in (hidden, unseen):
+        strongest = np.max(np.abs(part), axis=0)
+        bound[np.any(np.abs(part) > _INVOLVED * strongest, axis=1)] = np.inf
     condition = float('inf') if np.any(dark) else float(values[-1] / values[0])
     step = np.ones(size.size) if scale is None else np.abs(scale)
     covariance = inverse / np.outer(size, size) * np.outer(step, step)
@@ -86,9 +95,12 @@ def of_curvature(
     )
 
 
-def _words(names: Sequence[str], vector: Array) -> str:
+def _involved(names: Sequence[str], vector: Array) -> list[str]:
     strongest = np.max(np.abs(vector))
-    involved = [n for n, v in zip(names, vector, strict=True) if abs(v) > _INVOLVED * strongest]
+    return [n for n, v in zip(names, vector, strict=True) if abs(v) > _INVOLVED * strongest]
+
+
+def _words(involved: Sequence[str]) -> str:
     if len(involved) > 1:
         return f'these data see {", ".join(involved)} only in combination; fix one of them'
     return f'these data hold no information on {involved[0]}; fix it'

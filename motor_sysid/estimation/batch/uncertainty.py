@@ -27,7 +27,8 @@ class Spread:
     Attributes
     ----------
     sigma, covariance:
-        (p,) and (p, p), in the units of the parameters.
+        (p,) and (p, p), in the units of the parameters; `sigma` is infinite where the data see a
+        parameter only in combination with others, or not at all.
     unidentifiable:
         What is undetermined, in words.
     information:
@@ -120,8 +121,8 @@ def describe(
         covariance = _at_least(covariance, noise + whole @ problem.precision @ whole)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     unseen = np.diag(curvature) <= 1e-12 * np.max(np.diag(curvature))
-    sigma[unseen] = np.inf
     told = of_curvature(curvature, names, slope)
+    sigma[unseen | np.isinf(told.bound)] = np.inf
     words = (*told.words(), *_vague(problem, told.words(), sigma, slope))
     return Spread(sigma, covariance * np.outer(slope, slope), words, told)
 

@@ -1,0 +1,44 @@
+"""One step ahead: effects that do not pass alone, since another one is missing beside them.
+
+What explains nearly all of the training data need not lower the held-out error where the held-out
+data show the other effect most: a ramp of speeds tells of losses with speed, and steps of load.
+Then the step is made for the time being, and counts if a second effect passes on top of it and the
+two together stand all tests against the model before.
+"""
+
+from collections.abc import Sequence
+
+from motor_sysid.diagnosis.gate import (
+    combined_error,
+    gone,
+    HELD_BACK,
+    MIN_FURTHER_GAIN_PERCENT,
+    MIN_STEADY,
+    steadiness,
+    SURE,
+)
+from motor_sysid.diagnosis.refit import Trial
+from motor_sysid.diagnosis.rung import Rung
+from motor_sysid.diagnosis.verdict import AT_NOISE
+
+STEPS = 2
+"""Trials, best evidence first, from which a step ahead is made."""
+
+
+def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
+    """Return the trials, best first, with overwhelming evidence that only held-out data refuse."""
+    sure = [t for t in trials if t.delta_bic > SURE * threshold]
+    found = [t for t in sure if t.note.startswith(HELD_BACK)]
+    return sorted(found, key=lambda t: -t.delta_bic)[:STEPS]
+
+
+def stands(second: Trial, old: Rung) -> bool:
+    """Whether a model with two effects more than `old` leaves only noise where `old` did not.
+
+    And whether it lowers the held-out error enough, and steadily: two steps reach much that one
+    does not, the truth and neighbours of it.
+    """
+    new = second.rung
+    gain = 100 * (1 - combined_error(new.held, old.held))
+    helps = gain > MIN_FURTHER_GAIN_PERCENT and steadiness(old.held, new.held) > MIN_STEADY
+    return helps and second.excess < AT_NOISE and not gone(new.model, old.model)

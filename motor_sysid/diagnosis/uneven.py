@@ -1,0 +1,67 @@
+"""Records that a model describes unevenly: what is missing acts in some of them only.
+
+Sensors make the same error in every record, and so do random loads, within a tenth or two.  A
+drive that clips only in the largest moves cannot be predicted from the records in which it did
+not, but it shows: the model fails there, and holds in the others.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.compare import Comparison
+from motor_sysid.estimation.batch import Chain
+
+Array = NDArray[np.float64]
+
+UNEVEN = 2.0
+"""Ratio of the errors of two records from which on the model lacks something; complete models with
+random loads reach 1.2."""
+
+
+@dataclass(frozen=True)
+class Unevenness:
+    """How much worse a model describes one record than another.
+
+    Attributes
+    ----------
+    ratio:
+        Largest error of an output in a record over its smallest, which counts as sensor noise at
+        least.
+    percent:
+        What that record has more than the other, in percent of the signal.
+    """
+
+    ratio: float
+    percent: float
+
+
+EVEN = Unevenness(1.0, 0.0)
+
+
+def unevenness_of(
+    training: Comparison,
+    held: Comparison,
+    chains: tuple[Sequence[Chain], Sequence[Chain]],
+    noise: Array,
+) -> Unevenness:
+    """Return the largest unevenness among the outputs, whose sensor noise is `noise` (n_y,)."""
+    errors = [*_by_chain(training, chains[0]), *_by_chain(held, chains[1])]
+    worst, best = np.max(errors, axis=0), np.maximum(np.min(errors, axis=0), noise)
+    size = np.sqrt(np.mean(np.concatenate((*training.measured, *held.measured)) ** 2, axis=0))
+    ratio = worst / np.maximum(best, 1e-300)
+    more = np.sqrt(np.maximum(worst**2 - best**2, 0.0)) / np.maximum(size, 1e-300)
+    j = int(np.argmax(ratio))
+    return Unevenness(float(ratio[j]), float(100 * more[j]))
+
+
+def _by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:
+    """Yield the RMS error of each output (n_y,) over each chain that is scored."""
+    residuals = iter(comparison.residuals)
+    for chain in chains:
+        own = list(islice(residuals, sum(stretch.scored for stretch in chain)))
+        if own:
+            yield np.sqrt(np.mean(np.concatenate(own) ** 2, axis=0))

@@ -1,0 +1,64 @@
+"""Two effects of which neither passes alone are found by a step ahead."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from motor_sysid.benchmark.cases import draw
+from motor_sysid.benchmark.scenarios import named_case
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.ahead import hopeful, stands, STEPS
+from motor_sysid.diagnosis.gate import TOO_LITTLE, UNPHYSICAL, UNSTEADY
+
+THRESHOLD = 20.0
+
+
+def trial(delta, note=f'{TOO_LITTLE} 0.0 % only', *, error=1.0, excess=1.0, blocks=1.0):
+    """Return a trial; `blocks` is the error in the second half of the held-out data."""
+    noise = np.random.default_rng(0).normal(size=(2000, 1))
+    size = np.where(np.arange(2000) < 1000, error, error * blocks)[:, np.newaxis]
+    held = SimpleNamespace(
+        residuals=(noise * size,), channel_percent={'speed': float(np.sqrt(np.mean(size**2)))}
+    )
+    model = SimpleNamespace(effects=(), parameters=SimpleNamespace(free=()))
+    return SimpleNamespace(
+        delta_bic=delta, note=note, rung=SimpleNamespace(held=held, model=model), excess=excess
+    )
+
+
+def test_only_what_held_out_data_alone_refuse_is_looked_beyond():
+    best, second, third = (trial(d, UNSTEADY) for d in (9e4, 8e4, 7e4))
+    others = [trial(1e6, UNPHYSICAL), trial(1e6, ''), trial(10.0)]
+    assert hopeful([third, *others, second, best], THRESHOLD) == [best, second][:STEPS]
+    assert hopeful(others, THRESHOLD) == []
+
+
+@pytest.mark.parametrize(
+    ('second', 'expected'),
+    [
+        (trial(1e5, '', error=0.5), True),
+        (trial(1e5, '', error=0.97), False),
+        (trial(1e5, '', error=0.5, excess=1.5), False),
+        (trial(1e5, '', error=0.3, blocks=4.0), False),
+    ],
+    ids=['noise only', 'no gain', 'leaves more than noise', 'helps here and harms there'],
+)
+def test_two_steps_must_stand_all_tests_together(second, expected):
+    old = trial(0.0)
+    old.rung.model.parameters = ()
+    assert stands(second, old.rung) is expected
+
+
+def test_losses_that_hide_each_other_are_both_named():
+    """Iron loss shows in the held-out staircase of speeds, friction of gears in training."""
+    scenario, number = named_case('pair/iron_loss+load_dependent_friction/10/0')
+    case = draw(scenario, 151, number)
+    offered = (
+        'coulomb_friction', 'iron_loss', 'load_dependent_friction', 'quadratic_drag',
+        'friction_drift',
+    )  # fmt: skip
+    found = diagnose(case.train, case.valid, motor='brushed_dc', effects=offered)
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert set(found.effects) == {'iron_loss', 'load_dependent_friction'}
+    assert found.steps[-1].validation_error_percent < 1.02 * found.noise_floor_percent
