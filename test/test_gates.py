@@ -74,27 +74,24 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
 
 def note(
     model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True, steady=1.0,
-    sigmas=0.1, trained=4.9, mends=False, delta=1000.0, combined=(),
+    sigmas=0.1, trained=4.9, mends=False, delta=1000.0, tied=0.0,
 ):
     old = SimpleNamespace(
         model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=()),
         training=SimpleNamespace(error_percent=5.0),
     )
-    own = {p.name: sigmas * p.value for p in model.parameters if p.name.startswith(key)}
-    model = model.with_estimates({}, own)
     variant = SimpleNamespace(effect=effect(key), inherits=inherits)
     scored = SimpleNamespace(variant=variant, overlap=0.0)
-    result = SimpleNamespace(information=SimpleNamespace(combined=frozenset(combined)))
+    spread = np.diag([(sigmas * p.value) ** 2 for p in model.parameters.free])
+    size = np.sqrt(np.diag(spread))
+    spread += tied * (np.outer(size, size) - spread)
+    result = SimpleNamespace(covariance=spread)
     new = SimpleNamespace(
         model=model, training=SimpleNamespace(error_percent=trained), result=result
     )
     return gate_note(
         scored, new, old, delta, gain, steady, certain, deep, 20.0, mends=mends
     )
-
-
-def own_names(model):
-    return [p.name for p in model.parameters if '.' in p.name]
 
 
 def with_effect(key, values):
@@ -133,9 +130,14 @@ def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
     assert note(model, 'quadratic_drag', gain=10.0, sigmas=0.3) == ''
     assert 'from nothing' in note(model, 'quadratic_drag', gain=10.0, sigmas=0.4)
     assert note(model, 'quadratic_drag', gain=11.0, sigmas=0.4, delta=1001.0) == ''
-    # Of what is seen in combination with the motor's own parameters only, the evidence decides.
-    assert note(model, 'quadratic_drag', gain=10.0, sigmas=np.inf, combined=own_names(model)) == ''
-    assert 'from nothing' in note(model, 'quadratic_drag', gain=10.0, sigmas=np.inf)
+
+
+def test_an_amplitude_counts_for_its_shapes_as_they_are():
+    """Where a shape is hardly known, its amplitude is not either: that says nothing of nothing."""
+    model = with_effect('inductance_saturation', {'s': 0.2, 'i_s': 1.0})
+    key = 'inductance_saturation'
+    assert 'from nothing' in note(model, key, gain=10.0, sigmas=0.4)
+    assert note(model, key, gain=10.0, sigmas=0.4, tied=0.9) == ''
 
 
 def test_what_halves_the_training_error_need_not_help_everywhere():

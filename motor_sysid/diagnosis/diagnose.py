@@ -167,8 +167,10 @@ class _Engine:
         ladder: list[tuple[Rung, list[Trial]]] = []
         rivals: dict[str, tuple[str, ...]] = {}
         start, reconsidered = rung.model.effects, False
-        while True:
+        for _ in range(2 * self.settings.max_effects + 2):
             rung, trials = self.round(rung, ladder[0][0] if ladder else None)
+            if ladder and ladder[-1][0].model.effects == rung.model.effects:
+                ladder.pop()  # what was added on it has proved superfluous
             ladder.append((rung, trials))
             passing = [t for t in trials if t.passes]
             if len(ladder) > self.settings.max_effects:
@@ -176,8 +178,7 @@ class _Engine:
             if not passing:
                 other = None if reconsidered else self.exchange().better(rung, start, rivals)
                 if other is not None:
-                    rung, self.bench = refined(other, self.bench)
-                    reconsidered = True
+                    rung, reconsidered = self.refine(other), True
                     continue
                 step = self.ahead(rung, trials, ladder[0][0])
                 if step is None:
@@ -197,7 +198,7 @@ class _Engine:
             worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
             best = winner.rung if worse or vanished(best.model, winner.key) else best
             best = pruned(best, self.bench, self.gains, self.tell)
-            rung, self.bench = refined(best, self.bench)
+            rung = self.refine(best)
         last, trials = ladder[-1]
         own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
         doubted = doubts(trials, own)
@@ -224,6 +225,11 @@ class _Engine:
         trials = refitted(scores, rung, self.bench, limit, self.tell, base)
         self.tried[state_of(rung.model)] = trials
         return rung, trials
+
+    def refine(self, rung: Rung) -> Rung:
+        """Return a fit in fine enough steps, without what then proves superfluous."""
+        rung, self.bench = refined(rung, self.bench)
+        return pruned(rung, self.bench, self.gains, self.tell, last=True)
 
     def ahead(
         self, rung: Rung, trials: Sequence[Trial], base: Rung

@@ -21,7 +21,12 @@ is kept without a fit that lacks it."""
 
 
 def pruned(
-    rung: Rung, bench: Bench, gains: dict[str, float], tell: Callable[[str], None]
+    rung: Rung,
+    bench: Bench,
+    gains: dict[str, float],
+    tell: Callable[[str], None],
+    *,
+    last: bool = False,
 ) -> Rung:
     """Drop effects that the last one has made superfluous, and narrow those that are too wide.
 
@@ -34,8 +39,11 @@ def pruned(
         stands for.
     tell:
         Is told what is dropped.
+    last:
+        Whether the last effect may go as well: what a coarse integration did wrong may have looked
+        like it.
     """
-    for key in rung.model.effects[:-1]:
+    for key in rung.model.effects if last else rung.model.effects[:-1]:
         if certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
             slim = _simpler(rung, rung.model.without_effect(key), bench)
             if slim is not rung:
@@ -43,6 +51,8 @@ def pruned(
                 rung = slim
                 continue
         for special in effect(key).card.generalises:
+            if not rung.model.admits(effect(special)):
+                continue
             slim = _simpler(rung, narrowed(rung.model, key, special, bench.scales), bench)
             if slim is not rung:
                 tell(f'{special} does in place of {key}')

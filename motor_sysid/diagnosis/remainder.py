@@ -21,7 +21,7 @@ from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.diagnosis.swing import Swing, swing_of
-from motor_sysid.diagnosis.uneven import EVEN, UNEVEN, Unevenness, unevenness_of
+from motor_sysid.diagnosis.uneven import UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
@@ -84,7 +84,7 @@ class Remainder:
     swing:
         One frequency at which it swings in training and held-out data, if there is one.
     unevenness:
-        How much larger it is in one record than in another.
+        How many times larger it is in one record than in another.
     """
 
     floor: dict[str, float]
@@ -93,7 +93,7 @@ class Remainder:
     over_floor: float
     predictable: float
     swing: Swing | None = None
-    unevenness: Unevenness = EVEN
+    unevenness: float = 1.0
 
     @property
     def swings(self) -> bool:
@@ -102,15 +102,14 @@ class Remainder:
 
     @property
     def uneven(self) -> bool:
-        """Whether much more of it is in one record than in another, and that is no trifle."""
-        return self.unevenness.ratio > UNEVEN and self.unevenness.percent > TRIFLE_PERCENT
+        """Whether one record has more of it than sensors and random loads make."""
+        return self.unevenness > UNEVEN
 
     @property
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
-        if self.uneven:
-            return True
         share = max(self.predictable, self.swing.share if self.swing else 0.0)
+        share = max(share, 1.0 - self.unevenness**-2) if self.uneven else share
         size = self.error_percent * np.sqrt(share)
         return bool(self.above_floor and share > STRUCTURE and size > TRIFLE_PERCENT)
 

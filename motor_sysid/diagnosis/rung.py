@@ -380,10 +380,22 @@ def vanished(model: Model, key: str) -> bool:
 def certainty(rung: Rung, key: str) -> float:
     """Return the largest squared ratio of an effect's amplitude to its standard error.
 
-    Infinite for one that the data see in combination with other parameters only: that it is there
-    the evidence says, and how large it is nobody.
+    That is for the effect's shapes as they are: without the effect they mean nothing, and where
+    they are hardly known, no amplitude is, though it is certain that there is one.  (Davies 1987,
+    doi:10.1093/biomet/74.1.33.)
     """
-    own = [rung.model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
-    if any(p.name in rung.result.information.combined for p in own):
-        return np.inf
-    return max(((p.value / p.sigma) ** 2 for p in own if p.sigma and not p.on_bound), default=0.0)
+    free = list(rung.model.parameters.free)
+    place = {p.name: k for k, p in enumerate(free)}
+    card, spread = effect(key).card, rung.result.covariance
+    shapes = [place[n] for n in (f'{key}.{s.name}' for s in card.shapes) if n in place]
+    own = [place[n] for n in (f'{key}.{a.name}' for a in card.amplitudes) if n in place]
+    if not np.all(np.isfinite(spread)):
+        return 0.0
+    beside = np.linalg.pinv(spread[np.ix_(shapes, shapes)], hermitian=True)
+    best = 0.0
+    for k in own:
+        mixed = spread[k, shapes]
+        variance = float(spread[k, k] - mixed @ beside @ mixed)
+        if variance > 0.0 and not free[k].on_bound:
+            best = max(best, free[k].value ** 2 / variance)
+    return best

@@ -6,7 +6,6 @@ not, but it shows: the model fails there, and holds in the others.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 
 import numpy as np
@@ -22,40 +21,19 @@ UNEVEN = 2.0
 random loads reach 1.2."""
 
 
-@dataclass(frozen=True)
-class Unevenness:
-    """How much worse a model describes one record than another.
-
-    Attributes
-    ----------
-    ratio:
-        Largest error of an output in a record over its smallest, which counts as sensor noise at
-        least.
-    percent:
-        What that record has more than the other, in percent of the signal.
-    """
-
-    ratio: float
-    percent: float
-
-
-EVEN = Unevenness(1.0, 0.0)
-
-
 def unevenness_of(
     training: Comparison,
     held: Comparison,
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     noise: Array,
-) -> Unevenness:
-    """Return the largest unevenness among the outputs, whose sensor noise is `noise` (n_y,)."""
+) -> float:
+    """Return how many times larger an output's error is in one record than in another, at most.
+
+    The smaller one counts as sensor noise at least, which is `noise` (n_y,).
+    """
     errors = [*_by_chain(training, chains[0]), *_by_chain(held, chains[1])]
-    worst, best = np.max(errors, axis=0), np.maximum(np.min(errors, axis=0), noise)
-    size = np.sqrt(np.mean(np.concatenate((*training.measured, *held.measured)) ** 2, axis=0))
-    ratio = worst / np.maximum(best, 1e-300)
-    more = np.sqrt(np.maximum(worst**2 - best**2, 0.0)) / np.maximum(size, 1e-300)
-    j = int(np.argmax(ratio))
-    return Unevenness(float(ratio[j]), float(100 * more[j]))
+    best = np.maximum(np.min(errors, axis=0), noise)
+    return float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300)))
 
 
 def _by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:

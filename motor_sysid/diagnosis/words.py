@@ -22,7 +22,7 @@ def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[st
         f'{step.validation_error_percent:.3g} %, sensor noise alone makes '
         f'{left.floor_percent:.3g} %.'
     ]
-    if left.above_floor and left.predictable > STRUCTURE:
+    if left.above_floor and (left.uneven or left.predictable > STRUCTURE):
         lines.append(
             f'What remains above the sensor noise is below {TRIFLE_PERCENT:g} % of the signal.'
         )
@@ -44,9 +44,7 @@ def unknown(
         share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
         what = f'{share:.0f} % of it swings at {pace}, as in the training data'
     elif left.uneven and left.predictable < STRUCTURE:
-        what = (
-            f'the model describes one record {left.unevenness.ratio:.2g} times worse than another'
-        )
+        what = f'the model describes one record {left.unevenness:.2g} times worse than another'
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
         f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '

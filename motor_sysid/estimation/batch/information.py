@@ -44,15 +44,9 @@ class Information:
     covariance: Array
     unseen: Array
 
-    @property
-    def combined(self) -> frozenset[str]:
-        """Parameters that the data see only in combination with others."""
-        groups = [_involved(self.names, one) for one in self.unseen]
-        return frozenset(name for group in groups if len(group) > 1 for name in group)
-
     def words(self) -> tuple[str, ...]:
         """Say what is not seen, and what helps."""
-        return tuple(_words(_involved(self.names, one)) for one in self.unseen)
+        return tuple(_words(self.names, one) for one in self.unseen)
 
 
 def information(slopes: Array, names: Sequence[str], scale: Array | None = None) -> Information:
@@ -95,12 +89,9 @@ def of_curvature(
     )
 
 
-def _involved(names: Sequence[str], vector: Array) -> list[str]:
+def _words(names: Sequence[str], vector: Array) -> str:
     strongest = np.max(np.abs(vector))
-    return [n for n, v in zip(names, vector, strict=True) if abs(v) > _INVOLVED * strongest]
-
-
-def _words(involved: Sequence[str]) -> str:
+    involved = [n for n, v in zip(names, vector, strict=True) if abs(v) > _INVOLVED * strongest]
     if len(involved) > 1:
         return f'these data see {", ".join(involved)} only in combination; fix one of them'
     return f'these data hold no information on {involved[0]}; fix it'
