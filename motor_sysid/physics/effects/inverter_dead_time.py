@@ -21,7 +21,8 @@ CARD = Card(
     enters=Enters.INPUT,
     amplitudes=(Amplitude('v_d', 'V', 'voltage lost', Scale.VOLTAGE, positive=True),),
     shapes=(
-        Shape('i_0', 'A', 'half the ripple of the current', Scale.CURRENT, (0.25, 0.8), 0.05, 3.0),
+        Shape('i_0', 'A', 'half the ripple of the current', Scale.CURRENT, (0.25, 0.8), 0.02,
+              10.0),
     ),
     axis='current',
     generalises={'brush_voltage_drop': (('v_d', 'v_b'),)},

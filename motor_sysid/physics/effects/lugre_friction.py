@@ -21,7 +21,7 @@ CARD = Card(
     shapes=(
         Shape('s', '1', 'rise at low speed over Coulomb torque', Scale.ONE, (0.2,), 1e-3, 5.0),
         Shape('omega_s', 'rad/s', 'speed at which half of the rise is gone', Scale.SPEED, (0.1,),
-              0.02, 1.5),
+              0.005, 1.5),
         Shape('z_s', 'rad', 'bend at which the bristles slip', Scale.ANGLE,
               (0.05, 0.3, 1.5), 2e-2, 50.0),
         Shape('t_b', 's', 'bristle damping over bristle stiffness', Scale.SAMPLE, (1.0,),

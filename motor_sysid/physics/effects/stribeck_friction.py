@@ -18,7 +18,7 @@ CARD = Card(
     shapes=(
         Shape(
             'omega_s', 'rad/s', 'speed at which half of the rise is gone', Scale.SPEED,
-            (0.05, 0.15, 0.4), 0.02, 1.5,
+            (0.05, 0.15, 0.4), 0.005, 1.5,
         ),
     ),
     generalises={'coulomb_friction': (('tau_c', 'tau_c'),)},

@@ -18,7 +18,7 @@ CARD = Card(
                   Scale.PER_CURRENT, 1.0, positive=True),
     ),
     shapes=(
-        Shape('i_k', 'A', 'current of the knee', Scale.CURRENT, (0.1, 1.0), 0.02, 5.0),
+        Shape('i_k', 'A', 'current of the knee', Scale.CURRENT, (0.1, 1.0), 0.02, 10.0),
     ),
     axis='current',
     hidden_by=('no_current',),
