@@ -250,7 +250,7 @@ def test_sensitivities_match_wider_differences(key, record):
     z = problem.vector()
     slope = problem.linearize(z)[0].slope
     for k, p in enumerate(problem.free):
-        step = WIDER.get(p.name, 10.0) * problem.steps()[k] * np.eye(z.size)[k]
+        step = WIDER.get(p.name, 10.0) * problem.steps(z)[k] * np.eye(z.size)[k]
         runs = problem.simulate(z + np.array([2, 1, -1, -2])[:, np.newaxis] * step)[0]
         wide = (8 * (runs[..., 1] - runs[..., 2]) - runs[..., 0] + runs[..., 3]) / (12 * step[k])
         off = np.linalg.norm(slope[..., k] - wide, axis=0)

@@ -6,7 +6,10 @@ import pytest
 from motor_sysid.estimation.batch.information import information
 from motor_sysid.estimation.batch.problem import Linearization
 from motor_sysid.estimation.batch.stationary import stationary_scores
+from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
 
 COUNT, RUNS = 3000, 120
 WHITE = Weighting(np.ones(2))
@@ -86,3 +89,15 @@ def test_a_scale_that_nothing_fixes_has_no_standard_error():
     free = information(columns, ('k_t', 'b', 'tau_l'))
     assert not free.words()
     assert np.all(np.isfinite(free.bound))
+
+
+@pytest.mark.parametrize(('delay', 'expected'), [(2.4e-3, 0.05), (2.02e-3, 0.01), (2e-3, 1e-3)])
+def test_the_derivative_by_a_delay_does_not_reach_over_a_sample(delay, expected):
+    """Beyond it a current that settles within a sample is seen on its way: another derivative."""
+    model = Model.base('brushed_dc').with_effect('input_delay', {'delay': delay})
+    late = model.parameters['input_delay.delay']
+    size = 2e-3
+    found = difference_steps(
+        [(late, size)], [effect('input_delay')], {late.name: delay}, dt=1e-3, end=10.0
+    )
+    assert found[0] * size == pytest.approx(expected * 1e-3)

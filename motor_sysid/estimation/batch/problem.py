@@ -192,7 +192,7 @@ class Problem:
     def _cloud(self, z: Array) -> tuple[Array, Array]:
         """Return (P, d) vectors, z first and then its neighbours, and their (d,) distances."""
         lower, upper = self.box()
-        step, each = self.steps(), np.eye(z.size, dtype=bool)
+        step, each = self.steps(z), np.eye(z.size, dtype=bool)
         up, down = np.minimum(z + step, upper), np.maximum(z - step, lower)
         if self.one_sided:
             ends = np.where(up > z, up, down)
@@ -200,12 +200,13 @@ class Problem:
         both = (z[np.newaxis], np.where(each, up, z), np.where(each, down, z))
         return np.concatenate(both), up - down
 
-    def steps(self) -> Array:
-        """Return (d,) step of the differences."""
+    def steps(self, z: Array) -> Array:
+        """Return (d,) step of the differences at a vector."""
         drives = [stretch.drive for stretch in self.stretches]
         end = max(d.start + d.dt * len(d.inputs) for d in drives)
         longest = max(d.dt for d in drives)
-        return difference_steps(self._sized(), self.program.effects, longest, end)
+        values = {name: float(v[0]) for name, v in self.values(z[np.newaxis, :]).items()}
+        return difference_steps(self._sized(), self.program.effects, values, longest, end)
 
     def costs(self, z: Array, weighting: Weighting, at: Sequence[Linearization]) -> Array:
         """Return (P,) weighted sums of squares of (P, d) vectors; infinite where not a number.
