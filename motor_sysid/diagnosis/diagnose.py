@@ -18,7 +18,7 @@ from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.rounds import accounted, refitted, scored, unseen
+from motor_sysid.diagnosis.rounds import accounted, explains, refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
     climb,
     exact,
@@ -235,7 +235,7 @@ class _Engine:
         self, rung: Rung, trials: Sequence[Trial], base: Rung
     ) -> tuple[Rung, list[Trial]] | None:
         """Return a fit with an effect that does not pass alone, and what passes on top of it."""
-        for first in hopeful(trials, self.bench.threshold):
+        for first in () if explains(rung, base) else hopeful(trials, self.bench.threshold):
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
             fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
             fitted, further = self.round(fitted, base)

@@ -20,7 +20,7 @@ from motor_sysid.diagnosis.rung import profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
-from motor_sysid.diagnosis.verdict import related, winner_of
+from motor_sysid.diagnosis.verdict import NEARLY_ALL, related, winner_of
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.model import SpeedSensor
@@ -105,7 +105,7 @@ def refitted(
         trials = list(pool.map(roughly, chosen))
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
-        if not any(trial.passes for trial in trials) and is_lost(rung, bench):
+        if not any(trial.passes for trial in trials) and is_lost(rung, bench, base):
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
@@ -116,8 +116,18 @@ def refitted(
     return trials
 
 
-def is_lost(rung: Rung, bench: Bench) -> bool:
-    """Whether a model leaves so much that what is missing may pass for noise."""
+def explains(rung: Rung, base: Rung) -> bool:
+    """Whether the effects of a model explain nearly all of the squared held-out error."""
+    return rung.held.error_percent**2 < (1.0 - NEARLY_ALL) * base.held.error_percent**2
+
+
+def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
+    """Whether a model leaves so much that what is missing may pass for noise.
+
+    Not where it leaves little of what `base`, without effects, had left: no law is exact.
+    """
+    if base is not None and explains(rung, base):
+        return False
     late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
     left = np.concatenate(rung.held.residuals)
     noise = [
