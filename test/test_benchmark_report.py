@@ -18,7 +18,7 @@ from motor_sysid.benchmark.scenarios import Scenario
 from motor_sysid.benchmark.statistics import Share
 from motor_sysid.benchmark.store import ResultsFile
 from motor_sysid.benchmark.tables import as_dict, tables
-from motor_sysid.benchmark.targets import Goal, named_first, rates, visible
+from motor_sysid.benchmark.targets import both_visible, Goal, named_first, rates, visible
 from motor_sysid.diagnosis.result import Verdict
 
 MISSING, COMPLETE, AMBIGUOUS, UNKNOWN = (
@@ -120,6 +120,9 @@ def test_the_first_name_counts_in_any_equivalent_form():
 def test_an_effect_is_visible_if_the_true_structure_runs_better():
     assert visible(result(('coulomb_friction',), before=2.05, reference=2.0))
     assert not visible(result(('coulomb_friction',), before=2.03, reference=2.0))
+    two = ('coulomb_friction', 'cogging_torque')
+    assert both_visible(result(two, before=9.0, lacking=2.05, reference=2.0))
+    assert not both_visible(result(two, before=9.0, lacking=2.03, reference=2.0))
 
 
 def test_json_holds_rates_confusion_and_cases():

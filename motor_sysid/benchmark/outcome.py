@@ -74,6 +74,8 @@ class Result:
     before, after, reference:
         Held-out error of the base model, of the last model, and of the true structure fitted to
         the same data, percent; the last is None where the catalogue lacks it.
+    lacking:
+        The least that the true structure, fitted without one of its effects, has; percent.
     floor:
         Error that the sensors alone make, percent.
     evidence:
@@ -110,6 +112,7 @@ class Result:
     before: float | None = None
     after: float | None = None
     reference: float | None = None
+    lacking: float | None = None
     floor: float | None = None
     evidence: float | None = None
     sigmas: Mapping[str, float] | None = None

@@ -9,6 +9,7 @@ from motor_sysid.benchmark.outcome import Result
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result import Diagnosis
 from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.model import Model
 
 
 def with_reference(result: Result, case: Case, diagnosis: Diagnosis) -> Result:
@@ -38,6 +39,17 @@ def with_reference(result: Result, case: Case, diagnosis: Diagnosis) -> Result:
     return replace(
         result,
         reference=fitted.validation.error_percent,
+        lacking=_lacking(case, fitted.model) if len(effects) > 1 else result.before,
         reference_sigmas=effect_sigmas(case, fitted.model),
         base_reference=base_errors(case, fitted.model),
+    )
+
+
+def _lacking(case: Case, model: Model) -> float:
+    """Return the least held-out error of a true structure that lacks one of its effects."""
+    return min(
+        fit_model(
+            case.train, case.valid, model=model.without_effect(key), effects=[]
+        ).validation.error_percent
+        for key in model.effects
     )

@@ -96,6 +96,12 @@ def visible(result: Result) -> bool:
     return result.before is not None and best is not None and result.before > VISIBLE * best
 
 
+def both_visible(result: Result) -> bool:
+    """Whether the true structure runs clearly better than it does without one of its effects."""
+    less, best = result.lacking, result.reference
+    return less is not None and best is not None and less > VISIBLE * best
+
+
 def covered(sigmas: Iterable[float]) -> Share:
     """Return how many errors lie within the stated 95 % interval."""
     inside = [abs(z) <= INTERVAL for z in sigmas]
@@ -133,6 +139,8 @@ def _names(results: Sequence[Result]) -> list[Rate]:
         Rate('effects in the catalogue: ambiguous, truth among them',
              _share(hidden, lambda r: r.outcome is Outcome.AMBIGUOUS)),
         Rate('two effects: exact set', _share(two, _right), Goal(lowest=0.9)),
+        Rate('two effects: exact set, where both are visible',
+             _share([r for r in two if both_visible(r)], _right)),
         Rate('two effects: exact set, or ambiguous with both',
              _share(two, lambda r: r.outcome in (Outcome.RIGHT, Outcome.AMBIGUOUS))),
         Rate('effect not in the catalogue: a wrong neighbour named', _share(absent, _wrong),
