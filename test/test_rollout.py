@@ -308,6 +308,13 @@ def test_steps_follow_teeth_that_swing_faster_than_the_samples():
     coarse, fine = (run.outputs['speed'] for run in runs)
     assert np.all(np.isfinite(coarse))
     assert np.std(coarse - fine) < 0.05 * np.std(fine)
+    # In a swarm the stiffest teeth set the pace, wherever they stand; one that is none sets none.
+    table = {name: np.full(3, value) for name, value in values.items()}
+    table['backlash.w_a'] = np.array([20.0, 200.0, np.nan])
+    drive = Drive.of(record, model.kind)
+    swarm = program.run(table, drive, np.zeros(3))[:, 0, 1]
+    stiff = {name: value[1:2] for name, value in table.items()}
+    np.testing.assert_array_equal(swarm, program.run(stiff, drive, np.zeros(3))[:, 0, 0])
 
 
 def test_a_motor_without_current_coasts_where_its_bridge_lets_go():

@@ -233,7 +233,8 @@ class Program:
         states = [np.broadcast_to(x, (size, len(self.kind.states))) for x in initials]
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
         top = max(drive.speed for drive in drives)
-        steps = self.substeps(table[:, 0], top, drives[0].dt)
+        paced = table.T[np.all(np.isfinite(table), axis=0)] if self._paces else table.T[:1]
+        steps = max((self.substeps(one, top, drives[0].dt) for one in paced), default=1)
 
         def one(part: tuple[slice, slice]) -> list[Array]:
             block, some = part
