@@ -45,7 +45,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
-from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
@@ -309,7 +309,6 @@ class _Engine:
 
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""
-        late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
         matched = Matched(self.bench.problem(rung.model), slopes(rung, self.bench))
         closed = any(moving_references(record) for record in self.train_records)
         training = rung.training
@@ -323,7 +322,7 @@ class _Engine:
             rung.validation,
             held_at_best(rung, self.bench) if closed else rung.held,
             (self.bench.train, self.bench.held),
-            [late and name == 'speed' for name in self.bench.outputs],
+            self.bench.differenced(rung.model),
             matched.orders(contrast=STANDS_OUT),
         )
 

@@ -25,7 +25,7 @@ from motor_sysid.diagnosis.uneven import UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
-from motor_sysid.signals.noise import noise_sigma
+from motor_sysid.signals.noise import noise_sigmas
 
 Array = NDArray[np.float64]
 
@@ -145,14 +145,11 @@ def examine_remainder(
     orders:
         Waves per turn that stand out of the unexplained torque.
     """
-    floor = []
-    for j, late in enumerate(differenced):
-        of_signal = [noise_sigma(m[:, j], differenced=late) for m in validation.measured]
-        of_residual = [noise_sigma(r[:, j], differenced=late) for r in validation.residuals]
-        floor.append(min(float(np.median(of_signal)), float(np.median(of_residual))))
+    of_signal = noise_sigmas(validation.measured, differenced)
+    floor = np.minimum(of_signal, noise_sigmas(validation.residuals, differenced))
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
     error = np.sqrt(np.mean(np.concatenate(validation.residuals) ** 2, axis=0))
-    noise = np.minimum(np.array(floor), error)
+    noise = np.minimum(floor, error)
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
         float(100 * np.sqrt(np.mean((noise / size) ** 2))),

@@ -23,8 +23,7 @@ from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import NEARLY_ALL, related, winner_of
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
-from motor_sysid.physics.model import SpeedSensor
-from motor_sysid.signals.noise import noise_sigma
+from motor_sysid.signals.noise import noise_sigmas
 
 Tell = Callable[[str], None]
 
@@ -128,14 +127,9 @@ def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
     """
     if base is not None and explains(rung, base):
         return False
-    late = rung.model.speed_sensor is SpeedSensor.DIFFERENCE
     left = np.concatenate(rung.held.residuals)
-    noise = [
-        np.median([noise_sigma(r[:, j], differenced=late and name == 'speed')
-                   for r in rung.held.residuals])
-        for j, name in enumerate(bench.outputs)
-    ]  # fmt: skip
-    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > LOST * np.array(noise)))
+    noise = noise_sigmas(rung.held.residuals, bench.differenced(rung.model))
+    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > LOST * noise))
 
 
 def _again(

@@ -391,11 +391,8 @@ def certainty(rung: Rung, key: str) -> float:
     own = [place[n] for n in (f'{key}.{a.name}' for a in card.amplitudes) if n in place]
     if not np.all(np.isfinite(spread)):
         return 0.0
+    mixed = spread[np.ix_(own, shapes)]
     beside = np.linalg.pinv(spread[np.ix_(shapes, shapes)], hermitian=True)
-    best = 0.0
-    for k in own:
-        mixed = spread[k, shapes]
-        variance = float(spread[k, k] - mixed @ beside @ mixed)
-        if variance > 0.0 and not free[k].on_bound:
-            best = max(best, free[k].value ** 2 / variance)
-    return best
+    left = np.diag(spread)[own] - np.einsum('ij,jk,ik->i', mixed, beside, mixed)
+    found = [(free[k], float(v)) for k, v in zip(own, left, strict=True)]
+    return max((p.value**2 / v for p, v in found if v > 0.0 and not p.on_bound), default=0.0)

@@ -97,6 +97,11 @@ class Bench:
         """Return the problem of fitting a model to the training data."""
         return Problem(model, self.train, self.outputs, substeps=self.substeps)
 
+    def differenced(self, model: Model) -> list[bool]:
+        """Return of each output whether its noise is that of differenced counts."""
+        late = model.speed_sensor is SpeedSensor.DIFFERENCE
+        return [late and name == 'speed' for name in self.outputs]
+
 
 def prepared(
     records: Sequence[Record], wanted: str | None, known: Mapping[str, float]

@@ -1,5 +1,7 @@
 """How much of a measured signal is sensor noise, read from the signal itself."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
@@ -43,3 +45,13 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
         return 0.0
     low = chi2.ppf(_QUANTILE, freedom) / freedom
     return float(np.sqrt(np.quantile(moving, _QUANTILE) / low / np.sum(shape**2)))
+
+
+def noise_sigmas(parts: Sequence[Array], differenced: Sequence[bool]) -> Array:
+    """Return (n_y,) noise of the columns of several stretches (N, n_y), the median over them."""
+    return np.array(
+        [
+            np.median([noise_sigma(part[:, j], differenced=late) for part in parts])
+            for j, late in enumerate(differenced)
+        ]
+    )
