@@ -30,6 +30,7 @@ from motor_sysid.estimation.batch import (
     Weighting,
 )
 from motor_sysid.estimation.batch.information import Information
+from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import add_effect_file, catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
@@ -134,6 +135,19 @@ def test_a_trial_that_runs_away_ends_alone(runaway):
     assert trial.note == 'cannot be simulated'
     found = diagnose(data, effects=[runaway, 'coulomb_friction'])
     assert found.effects == ('coulomb_friction',)
+
+
+@pytest.mark.filterwarnings('ignore::RuntimeWarning')
+def test_derivatives_beyond_all_numbers_are_said_and_do_not_raise():
+    """Their squares overflow, and no decomposition takes that."""
+    data = records({}, kinds=('steps',), seconds=2.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    problem, calm = bench.problem(rung.model), Weighting(np.ones(len(bench.outputs)))
+    near = problem.linearize(problem.vector())
+    wild = [replace(one, slope=one.slope * 1e200) for one in near]
+    spread = describe(problem, problem.vector(), calm, wild)
+    assert spread.unidentifiable == ('the model cannot be simulated',)
+    assert np.all(np.isinf(spread.sigma))
 
 
 @pytest.mark.parametrize('bad', [np.nan, np.inf, 1e200])

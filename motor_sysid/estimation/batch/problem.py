@@ -181,12 +181,12 @@ class Problem:
         for stretch, run in zip(self.stretches, self.simulate(cloud, shifts), strict=True):
             others = run[:, :, :1] if self.one_sided else run[:, :, 1 + d : first]
             slope = (run[:, :, 1 : 1 + d] - others) / apart
-            if not np.all(np.isfinite(slope)):  # a step into what is no motor
-                slope = np.where(np.isfinite(slope), slope, 0.0)
             tail = run[:, :, first:]
             wanted = [k for k, state in enumerate(self._open) if state in stretch.open_states]
             start = 0.5 * (tail[:, :, 0::2] - tail[:, :, 1::2])[:, :, wanted]
-            found.append(Linearization(stretch.judged - run[:, :, 0], slope, start))
+            found.append(
+                Linearization(stretch.judged - run[:, :, 0], _sane(slope), _sane(start))
+            )
         return found
 
     def _cloud(self, z: Array) -> tuple[Array, Array]:
@@ -263,6 +263,12 @@ def _costs(measured: Array, run: Array, start: Array, weighting: Weighting) -> A
         if basis.size:
             along += basis[a * width : a * width + len(error)].T @ error
     return np.asarray(total - np.einsum('mk,mk->k', along, along))
+
+
+def _sane(slope: Array) -> Array:
+    """Return derivatives, none where the step led to what is no motor or runs away."""
+    sane = np.abs(slope) < _RUNAWAY
+    return slope if np.all(sane) else np.where(sane, slope, 0.0)
 
 
 def _size(parameter: Parameter) -> float:

@@ -102,7 +102,7 @@ def describe(
     found = scores_of(near, weighting)
     curvature, scores = found.curvature + problem.precision, found.blocks
     names, slope = [p.name for p in problem.free], problem.slope(z)
-    if not np.all(np.isfinite(scores)):
+    if not np.all(np.isfinite(scores)) or not np.all(np.isfinite(curvature)):
         nothing = np.full(z.size, np.inf)
         told = of_curvature(np.zeros((z.size, z.size)), names)
         return Spread(nothing, np.diag(nothing), ('the model cannot be simulated',), told)
