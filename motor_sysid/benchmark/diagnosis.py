@@ -18,7 +18,7 @@ from motor_sysid.physics.effects import catalogue
 
 Progress = Callable[[Result, int, int], None]
 
-TIME_LIMIT = 180.0
+TIME_LIMIT = 300.0
 """Longest time for a case, s: drawing, diagnosis, reference and peers."""
 
 

@@ -57,7 +57,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='processes (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '--limit', type=float, default=180.0, metavar='SECONDS',
+        '--limit', type=float, default=300.0, metavar='SECONDS',
         help='longest time for a case; one that takes longer has failed (default: %(default)g)',
     )  # fmt: skip
     parser.add_argument(
