@@ -7,7 +7,7 @@ import pytest
 
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
-from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis import diagnose, Settings, Verdict
 from motor_sysid.diagnosis.ahead import hopeful, stands, STEPS
 from motor_sysid.diagnosis.gate import TOO_LITTLE, UNPHYSICAL, UNSTEADY
 
@@ -50,15 +50,29 @@ def test_two_steps_must_stand_all_tests_together(second, expected):
     assert stands(second, old.rung) is expected
 
 
-def test_losses_that_hide_each_other_are_both_named():
+@pytest.fixture(scope='module')
+def losses():
     """Iron loss shows in the held-out staircase of speeds, friction of gears in training."""
     scenario, number = named_case('pair/iron_loss+load_dependent_friction/10/0')
-    case = draw(scenario, 151, number)
-    offered = (
-        'coulomb_friction', 'iron_loss', 'load_dependent_friction', 'quadratic_drag',
-        'friction_drift',
-    )  # fmt: skip
-    found = diagnose(case.train, case.valid, motor='brushed_dc', effects=offered)
+    return draw(scenario, 151, number)
+
+
+OFFERED = (
+    'coulomb_friction', 'iron_loss', 'load_dependent_friction', 'quadratic_drag', 'friction_drift'
+)  # fmt: skip
+
+
+def test_losses_that_hide_each_other_are_both_named(losses):
+    found = diagnose(losses.train, losses.valid, motor='brushed_dc', effects=OFFERED)
     assert found.verdict is Verdict.EFFECT_MISSING
     assert set(found.effects) == {'iron_loss', 'load_dependent_friction'}
     assert found.steps[-1].validation_error_percent < 1.02 * found.noise_floor_percent
+
+
+def test_no_more_effects_than_the_user_allows(losses):
+    found = diagnose(
+        losses.train, losses.valid, motor='brushed_dc', effects=OFFERED,
+        settings=Settings(max_effects=1),
+    )  # fmt: skip
+    assert found.effects == ()
+    assert found.verdict is Verdict.UNKNOWN_EFFECT

@@ -49,7 +49,7 @@ def _lacking(case: Case, model: Model) -> float:
     """Return the least held-out error of a true structure that lacks one of its effects."""
     return min(
         fit_model(
-            case.train, case.valid, model=model.without_effect(key), effects=[]
+            case.train, case.valid, model=model.without_effect(key)
         ).validation.error_percent
         for key in model.effects
     )

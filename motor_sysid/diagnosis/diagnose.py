@@ -178,9 +178,11 @@ class _Engine:
             if not passing:
                 other = None if reconsidered else self.exchange().better(rung, start, rivals)
                 if other is not None:
+                    other = pruned(other, self.bench, self.gains, self.tell, last=True)
                     rung, reconsidered = self.refine(other), True
                     continue
-                step = self.ahead(rung, trials, ladder[0][0])
+                room = len(ladder) < self.settings.max_effects and not explains(rung, ladder[0][0])
+                step = self.ahead(rung, trials, ladder[0][0], rivals) if room else None
                 if step is None:
                     break
                 ladder.append(step)
@@ -227,21 +229,32 @@ class _Engine:
         return rung, trials
 
     def refine(self, rung: Rung) -> Rung:
-        """Return a fit in fine enough steps, without what then proves superfluous."""
-        rung, self.bench = refined(rung, self.bench)
-        return pruned(rung, self.bench, self.gains, self.tell, last=True)
+        """Return a fit in fine enough steps, without what these prove superfluous."""
+        finer, self.bench = refined(rung, self.bench)
+        if finer is rung:
+            return rung
+        return pruned(finer, self.bench, self.gains, self.tell, last=True)
 
     def ahead(
-        self, rung: Rung, trials: Sequence[Trial], base: Rung
+        self,
+        rung: Rung,
+        trials: Sequence[Trial],
+        base: Rung,
+        rivals: dict[str, tuple[str, ...]],
     ) -> tuple[Rung, list[Trial]] | None:
-        """Return a fit with an effect that does not pass alone, and what passes on top of it."""
-        for first in () if explains(rung, base) else hopeful(trials, self.bench.threshold):
+        """Return a fit with an effect that does not pass alone, and what passes on top of it.
+
+        What else does as well as that effect is noted in `rivals`.
+        """
+        possible = hopeful(trials, self.bench.threshold)
+        for k, first in enumerate(possible):
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
             fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
             fitted, further = self.round(fitted, base)
             passing = [t for t in further if t.passes]
             if passing and stands(winner_of(passing), rung):
                 self.gains[first.key] = first.delta_bic
+                rivals[first.key] = rivals_of(first, possible[k:])
                 return fitted, further
         return None
 

@@ -7,8 +7,8 @@ judged on the held-out data: the share of the remaining error that it predicts t
 In a closed loop the controller answers to random loads, too, so that the input predicts them:
 there the motion counts as far as the reference leads it.
 
-What cannot be predicted is missing physics, too, if it swings at one frequency in all data, or if
-the model describes one record much worse than another.
+What cannot be predicted is missing physics, too, if it swings at one frequency in training and
+held-out data, or if the model describes one record much worse than another.
 """
 
 from collections.abc import Sequence

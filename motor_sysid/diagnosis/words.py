@@ -38,19 +38,22 @@ def unknown(
     ladder: Sequence[Step], left: Remainder, found: Sequence[Unknown]
 ) -> list[str]:
     """Say that something unknown is missing, and on which axis it lives."""
-    last = ladder[-1]
-    what = f'{100 * left.predictable:.0f} % of it is predictable from the motion'
-    if left.swing and left.swings:
-        share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
-        what = f'{share:.0f} % of it swings at {pace}, as in the training data'
-    elif left.uneven and left.predictable < STRUCTURE:
-        what = f'the model describes one record {left.unevenness:.2g} times worse than another'
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
-        f'{last.validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
-        f'noise in one channel, and {what}.'
+        f'{ladder[-1].validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
+        f'noise in one channel, and {_structure(left)}.'
     ]
     return [*lines, *shapes(found), *_partial(ladder)]
+
+
+def _structure(left: Remainder) -> str:
+    """Say what tells that what is left is no noise."""
+    if left.swing and left.swings:
+        share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
+        return f'{share:.0f} % of it swings at {pace}, as in the training data'
+    if left.uneven and left.predictable < STRUCTURE:
+        return f'the model describes one record {left.unevenness:.2g} times worse than another'
+    return f'{100 * left.predictable:.0f} % of it is predictable from the motion'
 
 
 def shapes(found: Sequence[Unknown]) -> list[str]:
@@ -106,8 +109,7 @@ def named(
     if left.structured:
         lines.append(
             f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
-            f'noise and {100 * left.predictable:.0f} % of it is predictable from the motion, but '
-            'no effect of the catalogue explains it.'
+            f'noise and {_structure(left)}, but no effect of the catalogue explains it.'
         )
         lines += shapes(found)
     return lines
