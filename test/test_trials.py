@@ -19,8 +19,9 @@ from motor_sysid.diagnosis.refit import (
     try_thoroughly,
 )
 from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb, exact, held_at_best, judge, lost, Rung
+from motor_sysid.diagnosis.rung import climb, held_at_best, judge, lost, Rung
 from motor_sysid.diagnosis.setup import Bench, make_bench, with_scales
+from motor_sysid.diagnosis.steps import exact
 from motor_sysid.estimation.batch import (
     fit,
     Linearization,

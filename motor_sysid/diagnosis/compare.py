@@ -41,6 +41,7 @@ class Comparison:
     measured: tuple[Array, ...]
 
 
+@np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
 def compare(
     model: Model, chains: Sequence[Chain], outputs: Sequence[str], *, substeps: int = 1
 ) -> Comparison:
@@ -69,6 +70,7 @@ def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
     )
 
 
+@np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
 def channel_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Array:
     """Return (n_y,) RMS errors in percent of the RMS of the measured signals."""
     error = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))

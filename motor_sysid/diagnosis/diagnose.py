@@ -21,9 +21,7 @@ from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.rounds import accounted, explains, refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
     climb,
-    exact,
     held_at_best,
-    refined,
     Rung,
     slopes,
     vanished,
@@ -38,8 +36,9 @@ from motor_sysid.diagnosis.setup import (
     prepared_parts,
     with_scales,
 )
+from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
-from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import contends, doubts, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.methods.reference import moving_references
@@ -189,7 +188,7 @@ class _Engine:
                 rung, trials = step
                 passing = [t for t in trials if t.passes]
             winner = winner_of(passing)
-            rivals[winner.key] = rivals_of(winner, passing)
+            rivals[winner.key] = rivals_of(winner, [t for t in trials if contends(t)])
             self.gains[winner.key] = winner.delta_bic
             self.tell(
                 f'adding {winner.scored.variant.effect.card.title}: held-out error '

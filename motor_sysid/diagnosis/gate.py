@@ -37,6 +37,9 @@ FAITHFUL = 0.02
 a model explain, is what their misfit may look like another function of the same thing."""
 
 UNPHYSICAL = 'unphysical sign'
+NO_EVIDENCE = 'no evidence'
+UNCERTAIN = 'its size cannot be told from nothing'
+INEXACT = 'could be what laws and integration of the model have not right to the last detail'
 TOO_LITTLE = 'lowers the held-out error by'
 UNSTEADY = 'helps in some of the held-out data and harms in other'
 HELD_BACK = (TOO_LITTLE, UNSTEADY)
@@ -198,10 +201,10 @@ def gate_note(
         return 'cannot be simulated'
     if delta < threshold:
         alike = scored.overlap > ALIKE
-        return 'these data cannot tell it from what the model has' if alike else 'no evidence'
+        return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE
     sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= MIN_STEADY
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
-        return 'its size cannot be told from nothing'
+        return UNCERTAIN
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
     if lost := gone(new.model, old.model):

@@ -147,7 +147,8 @@ def _moments(
         along += _from_end(column * lack.force)[place]
         shared = _from_end(column[:, np.newaxis] * lack.basis)[place]
         size += _from_end(column**2)[place] - np.sum(shared**2, axis=1)
-    gain = np.where(size > 1e-6 * np.max(size), along**2 / size, 0.0)
+    gain = along**2 / np.maximum(size, 1e-300)
+    gain[size <= 1e-6 * np.max(size)] = 0.0
     chosen: list[float] = []
     for k in np.argsort(-gain).tolist():
         if gain[k] <= 0.0 or len(chosen) == MOMENTS:

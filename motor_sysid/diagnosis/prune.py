@@ -9,8 +9,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from motor_sysid.diagnosis.rung import certainty, climb, profile_cost, Rung
+from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
+from motor_sysid.diagnosis.rung import certainty, climb, FINER, profile_cost, Rung, some_of
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.estimation.batch.least_squares import normal_equations
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
@@ -18,6 +20,10 @@ from motor_sysid.physics.scales import Scales
 BEYOND_DOUBT = 100.0
 """Squared number of standard errors, in units of the evidence asked for, from which on an effect
 is kept without a fit that lacks it."""
+
+CLEARLY = 10.0
+"""Loss of evidence by a rough fit without it, in units of what is allowed, from which on an effect
+is kept without a fit in full."""
 
 
 def pruned(
@@ -77,8 +83,20 @@ def narrowed(model: Model, key: str, special: str, scales: Scales) -> Model:
 def _simpler(rung: Rung, model: Model, bench: Bench) -> Rung:
     """Return the fit of a model with fewer parameters, if there is no evidence for more."""
     weighting = rung.result.weighting
-    slim = climb(model, bench, weighting)
     full, rows = profile_cost(rung, bench, weighting)
+    count = len(rung.model.parameters.free) - len(model.parameters.free)
+    allowed = bench.threshold + count * float(np.log(rows))
+    rough = rough_fit(model, weighting, bench, ROUGH_STEPS, reweight=0)
+    if rough.cost - _rough_cost(rung, model, bench) > CLEARLY * allowed:
+        return rung
+    slim = climb(rough.model, bench, weighting)
     less, _ = profile_cost(slim, bench, weighting)
-    count = len(rung.model.parameters.free) - len(slim.model.parameters.free)
-    return slim if less - full - count * np.log(rows) < bench.threshold else rung
+    return slim if less - full < allowed else rung
+
+
+def _rough_cost(rung: Rung, model: Model, bench: Bench) -> float:
+    """Return the sum of squares of a fit over the data that a rough fit of `model` looks at."""
+    some = replace(bench, train=some_of(bench, model), substeps=min(bench.substeps, FINER))
+    problem = some.problem(rung.model)
+    there = problem.linearize(problem.vector(), parameters=False)
+    return normal_equations(there, rung.result.weighting)[2]

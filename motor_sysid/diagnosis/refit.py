@@ -11,11 +11,13 @@ from motor_sysid.diagnosis.gate import (
     DEEP,
     DEEP_SHARE,
     gate_note,
+    INEXACT,
     is_certain,
     MENDED,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
     misfit_of_laws,
+    NO_EVIDENCE,
     steadiness,
     TORN,
     UNPHYSICAL,
@@ -171,7 +173,7 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         tried.append((one, model.with_values(anew)))
 
     def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:
-        first = _rough_fit(model, rung.result.weighting, bench, FIRST_STEPS, reweight=0)
+        first = rough_fit(model, rung.result.weighting, bench, FIRST_STEPS, reweight=0)
         return one, model, first
 
     fits = [begun(one, model) for one, model in tried]
@@ -180,7 +182,7 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         if sensor is not rung.model.speed_sensor:
             fits.append(begun(one, replace(model, speed_sensor=sensor)))
     one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
-    rough = _rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
+    rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
     return _judged(one, _standing(rough, bench), level, bench)
 
 
@@ -216,7 +218,7 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
     return _judged(trial.scored, replace(new, near=()), level, bench, new.near)
 
 
-def _rough_fit(
+def rough_fit(
     model: Model, weighting: Weighting, bench: Bench, steps: int, *, reweight: int = 1
 ) -> FitResult:
     """Fit a model to some of the data; to all, where an effect remembers for long.
@@ -250,7 +252,7 @@ def try_pair(
     fixed = tried.with_free([f'{other.effect.key}.{name}' for name in other.values], free=False)
     base = level.rung
     model = _opened(_opened(fixed, base.model, first), base.model, second)
-    new = _standing(_rough_fit(model, base.result.weighting, bench, ROUGH_STEPS), bench)
+    new = _standing(rough_fit(model, base.result.weighting, bench, ROUGH_STEPS), bench)
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return new, -np.inf
     return new, level.gain(new, bench)
@@ -284,10 +286,15 @@ def _judged(
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
     mends = after < MENDED * rows and level.cost > TORN * rows
-    threshold = max(bench.threshold, misfit_of_laws(scored, rung.model, level.explained))
+    inexact = max(
+        misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
+    )
+    threshold = max(bench.threshold, inexact)
     note = gate_note(
         scored, new, rung, delta, gain, steady, certain, deep, threshold, mends=mends
     )
+    if note == NO_EVIDENCE and delta > bench.threshold:
+        note = INEXACT
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 

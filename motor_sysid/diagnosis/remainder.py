@@ -8,7 +8,7 @@ In a closed loop the controller answers to random loads, too, so that the input 
 there the motion counts as far as the reference leads it.
 
 What cannot be predicted is missing physics, too, if it swings at one frequency in training and
-held-out data, or if the model describes one record much worse than another.
+held-out data, if it drifts, or if the model describes one record much worse than another.
 """
 
 from collections.abc import Sequence
@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.compare import Comparison
+from motor_sysid.diagnosis.drift import DRIFT, drift_of
 from motor_sysid.diagnosis.swing import Swing, swing_of
 from motor_sysid.diagnosis.uneven import UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
@@ -85,6 +86,8 @@ class Remainder:
         One frequency at which it swings in training and held-out data, if there is one.
     unevenness:
         How many times larger it is in one record than in another.
+    drift:
+        Share of the squared error of a record that is slower than half of it.
     """
 
     floor: dict[str, float]
@@ -94,6 +97,7 @@ class Remainder:
     predictable: float
     swing: Swing | None = None
     unevenness: float = 1.0
+    drift: float = 0.0
 
     @property
     def swings(self) -> bool:
@@ -106,10 +110,16 @@ class Remainder:
         return self.unevenness > UNEVEN
 
     @property
+    def drifts(self) -> bool:
+        """Whether it is slower in one record than what sensors and random loads make."""
+        return self.drift > DRIFT
+
+    @property
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
         share = max(self.predictable, self.swing.share if self.swing else 0.0)
         share = max(share, 1.0 - self.unevenness**-2) if self.uneven else share
+        share = max(share, self.drift) if self.drifts else share
         size = self.error_percent * np.sqrt(share)
         return bool(self.above_floor and share > STRUCTURE and size > TRIFLE_PERCENT)
 
@@ -158,6 +168,7 @@ def examine_remainder(
         _predictable(training, held, chains, orders),
         swing_of(training, held, chains),
         unevenness_of(training, held, chains, noise),
+        drift_of(training, held, chains, ABOVE_FLOOR * noise),
     )
 
 

@@ -98,7 +98,7 @@ def refitted(
     def contends(trial: Trial) -> bool:
         if trial is winner or trial.delta_bic < min(SHARE * most, most - BEHIND):
             return trial is winner
-        return winner is None or not related(trial, winner)
+        return trial.delta_bic > 0.0 if winner is None else not related(trial, winner)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         trials = list(pool.map(roughly, chosen))

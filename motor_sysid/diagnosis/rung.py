@@ -1,13 +1,13 @@
 """A fitted model, and what is asked of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare, Comparison, comparison_of
-from motor_sysid.diagnosis.moments import with_best_moments, with_honest_moments
+from motor_sysid.diagnosis.moments import with_best_moments
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import (
     Chain,
@@ -18,7 +18,6 @@ from motor_sysid.estimation.batch import (
     Weighting,
 )
 from motor_sysid.estimation.batch.least_squares import normal_equations
-from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effect import Scale
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -33,25 +32,7 @@ BRIEF, FULL = 1e-5, 1e-7
 """
 
 FINER = 4
-"""Most integration steps per sample, where one is not enough; but see `WRONG`."""
-
-FINEST = 16
-"""The same for the last fit, whose parameters are told."""
-
-MOVE = 0.25
-"""Move of a parameter that is worth no finer steps, in standard errors."""
-
-SHARPER = 8
-"""How much narrower smoothed signs are tried; the bias that they make is in proportion."""
-
-WIDTHS = ('omega_eps', 'i_eps')
-"""Widths of smoothed signs."""
-
-FINER_BY = 8
-"""How much finer steps must change nothing, so that steps are fine enough."""
-
-JUDGE = 4
-"""How much finer than the most that are allowed those steps are by which the others are judged."""
+"""Most integration steps per sample while candidates are tried, where one is not enough."""
 
 HOPELESS = 1.5
 """Sum of squares with another speed sensor, after one step from where the fit is, in units of what
@@ -59,11 +40,6 @@ it must come to, from which on no fit is tried."""
 
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
-
-ROUNDING, WRONG = 0.1, 0.3
-"""Error of the integration, as a share of what is left, that is not worth finer steps; and the
-same where they would be many."""
-
 
 @dataclass(frozen=True)
 class Rung:
@@ -184,133 +160,6 @@ def held_at_best(rung: Rung, bench: Bench) -> Comparison:
     return comparison_of([one.residual - one.slope @ move for one in near], problem)
 
 
-def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
-    """Refit with sharper signs and finer steps of the integration where they matter.
-
-    What smoothing and integration do would count as missing physics; it may be a tenth of the
-    remaining error.  Some of the data tell.
-    """
-    some = replace(bench, train=some_of(bench, rung.model))
-
-    def share(changes: Sequence[Array], left: Sequence[Array]) -> float:
-        changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
-        return float(np.sqrt(np.max(changed / np.maximum(size, 1e-300))))
-
-    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
-        return share(changes, left) <= ROUNDING
-
-    def bearable(changes: Sequence[Array], left: Sequence[Array]) -> bool:
-        return share(changes, left) <= WRONG
-
-    model = rung.model
-    sharp = _sharper(model)
-    if sharp is not model:
-        now, other = _residuals(model, some), _residuals(sharp, some)
-        if not small(_differences(other, now), now):
-            model = sharp
-    while True:  # what is left of a better fit may ask for more
-        steps = _steps(model, some, FINER, small)
-        if steps >= FINER:
-            steps = _steps(model, replace(some, substeps=steps), FINEST, bearable)
-        if steps == bench.substeps and model is rung.model:
-            return rung, bench
-        bench, some = replace(bench, substeps=steps), replace(some, substeps=steps)
-        rung = climb(model, bench, rung.result.weighting)
-        model = rung.model
-
-
-def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
-    """Fit the last model with signs so sharp and steps so fine that they hardly move a parameter.
-
-    How far they would is told by the derivatives: a change of the outputs moves the parameters as
-    far as it lies along them.  What sharper signs and finer steps could still move is part of the
-    standard error, and so is noise that is correlated for long.  Some of the data tell.
-    """
-    some, weighting = replace(bench, train=some_of(bench, rung.model)), rung.result.weighting
-    near = slopes(rung if some.train is bench.train else replace(rung, near=()), some)
-    problem = bench.problem(rung.model)
-    slope = np.abs(problem.slope(problem.vector()))
-    sigma = np.array([p.sigma if p.sigma else np.inf for p in problem.free])
-
-    def moves(changes: Sequence[Array]) -> Array:
-        moved = [replace(one, residual=c) for one, c in zip(near, changes, strict=True)]
-        return np.abs(newton_step(*normal_equations(moved, weighting)[:2])) * slope
-
-    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
-        return bool(np.all(moves(changes) <= MOVE * sigma))
-
-    last, model, blunt = rung, rung.model, np.zeros(sigma.size)
-    sharp = _sharper(model)
-    if sharp is not model:
-        move = moves(_differences(_residuals(sharp, some), _residuals(model, some)))
-        if np.any(move > MOVE * sigma):
-            model, blunt = sharp, move / (SHARPER - 1)
-    steps = _steps(model, some, FINEST, small)
-    if steps != bench.substeps or model is not rung.model:
-        bench = replace(bench, substeps=steps)
-        last = climb(model, bench, weighting, briefly=True)
-    if steps == FINEST:
-        runs = [_residuals(last.model, some, n) for n in (JUDGE * steps, steps)]
-        blunt = np.hypot(blunt, moves(_differences(*runs)))
-    return replace(last, result=_honest(last, bench, blunt)), bench
-
-
-def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
-    """Return a fit with standard errors for noise that is correlated for long.
-
-    `blunt` (p,) holds errors of the integration that are added to them.
-    """
-    problem, weighting = bench.problem(rung.model), rung.result.weighting
-    near = slopes(rung, bench)
-    spread = describe(problem, problem.vector(), weighting, near, stationary=True)
-    told = {
-        p.name: float(np.hypot(s, extra))
-        for p, s, extra in zip(problem.free, spread.sigma, blunt, strict=True)
-    }
-    sure = bench.problem(rung.model.with_estimates({}, told))
-    model = with_honest_moments(sure, weighting, spread.information)
-    return replace(rung.result, model=model, covariance=spread.covariance)
-
-
-def _sharper(model: Model) -> Model:
-    """Return the model with every smoothed sign `SHARPER` times narrower; itself without one."""
-    needed = {name for key in model.effects for name in effect(key).needs()}
-    widths = {n: model[n] / SHARPER for n in WIDTHS if n in needed and n in model.parameters}
-    return model.with_values(widths) if widths else model
-
-
-def _residuals(model: Model, bench: Bench, steps: int = 0) -> Sequence[Array]:
-    steps = steps or bench.substeps
-    return compare(model, bench.train, bench.outputs, substeps=steps).residuals
-
-
-def _differences(one: Sequence[Array], other: Sequence[Array]) -> list[Array]:
-    return [a - b for a, b in zip(one, other, strict=True)]
-
-
-def _steps(
-    model: Model,
-    bench: Bench,
-    most: int,
-    small: Callable[[Sequence[Array], Sequence[Array]], bool],
-) -> int:
-    """Return so many integration steps that more of them make a small change of the outputs."""
-    steps = bench.substeps
-    if steps >= most or all(effect(key).card.linear for key in model.effects):
-        return steps
-    now = _residuals(model, bench)
-    fine = _residuals(model, bench, FINER_BY * steps)
-    if small(_differences(fine, now), now):
-        return steps
-    if most > 2 * steps:
-        fine = _residuals(model, bench, JUDGE * most)
-    while 2 * steps < most:
-        steps *= 2
-        if small(_differences(fine, _residuals(model, bench, steps)), now):
-            return steps
-    return most
-
-
 def some_of(bench: Bench, model: Model) -> tuple[Chain, ...]:
     """Return some of the training data; all where an effect of the model remembers for long.
 
@@ -372,9 +221,16 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
 
 
 def vanished(model: Model, key: str) -> bool:
-    """Whether a fit has taken an effect of one sign to nothing."""
-    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes if a.positive]
-    return bool(own) and all(p.value <= 1e-9 * p.upper for p in own)
+    """Whether a fit has taken an effect of one sign to nothing, or all that it widens.
+
+    A rise of the friction near standstill without any friction that it rises over is no Stribeck
+    friction.
+    """
+    card = effect(key).card
+    own = {a.name: model.parameters[f'{key}.{a.name}'] for a in card.amplitudes if a.positive}
+    none = {name for name, p in own.items() if p.value <= 1e-9 * p.upper}
+    widened = [{mine for mine, _ in pairs} for pairs in card.generalises.values()]
+    return bool(own) and any(names <= none for names in [set(own), *widened])
 
 
 def certainty(rung: Rung, key: str) -> float:

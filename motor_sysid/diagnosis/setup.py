@@ -72,6 +72,9 @@ class Bench:
         How far ahead `train` and `held` look, s; None for free runs.
     substeps:
         Integration steps per sample; raised where one is not enough.
+    wrong:
+        Share of the whitened squares of the last model that is the integration's fault, where that
+        is more than rounding.
     threshold:
         Gain in BIC that evidence must have.
     """
@@ -91,6 +94,7 @@ class Bench:
     begun: Mapping[str, float] = field(default_factory=dict)
     blunt: Mapping[str, float] = field(default_factory=dict)
     substeps: int = 1
+    wrong: float = 0.0
     threshold: float = UNCALIBRATED
 
     def problem(self, model: Model) -> Problem:

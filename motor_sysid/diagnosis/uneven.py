@@ -31,15 +31,16 @@ def unevenness_of(
 
     The smaller one counts as sensor noise at least, which is `noise` (n_y,).
     """
-    errors = [*_by_chain(training, chains[0]), *_by_chain(held, chains[1])]
+    residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
+    errors = [np.sqrt(np.mean(residual**2, axis=0)) for residual in residuals]
     best = np.maximum(np.min(errors, axis=0), noise)
     return float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300)))
 
 
-def _by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:
-    """Yield the RMS error of each output (n_y,) over each chain that is scored."""
+def by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:
+    """Yield the residual (N, n_y) of each chain that is scored."""
     residuals = iter(comparison.residuals)
     for chain in chains:
         own = list(islice(residuals, sum(stretch.scored for stretch in chain)))
         if own:
-            yield np.sqrt(np.mean(np.concatenate(own) ** 2, axis=0))
+            yield np.concatenate(own)

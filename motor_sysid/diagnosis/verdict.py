@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from motor_sysid.diagnosis.gate import UNPHYSICAL
+from motor_sysid.diagnosis.gate import UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
@@ -70,13 +70,18 @@ def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
     return trial if special is None else _simplest(special, passing)
 
 
-def rivals_of(winner: Trial, passing: Sequence[Trial]) -> tuple[str, ...]:
+def contends(trial: Trial) -> bool:
+    """Whether a trial may be a rival: it passes, or only its size is uncertain."""
+    return trial.passes or trial.note == UNCERTAIN
+
+
+def rivals_of(winner: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
     """Return the effects that explain the data as well as the winner does.
 
     One that comes to the same law is none: no experiment tells the two apart, and no question is
     open.
     """
-    return tuple(t.key for t in _equals(winner, passing) if not same_law(t, winner))
+    return tuple(t.key for t in _equals(winner, trials) if not same_law(t, winner))
 
 
 def _equals(best: Trial, passing: Sequence[Trial]) -> list[Trial]:

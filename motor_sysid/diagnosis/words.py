@@ -51,6 +51,8 @@ def _structure(left: Remainder) -> str:
     if left.swing and left.swings:
         share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
         return f'{share:.0f} % of it swings at {pace}, as in the training data'
+    if left.drifts and left.predictable < STRUCTURE:
+        return f'{100 * left.drift:.0f} % of it in one record drifts: something came or went there'
     if left.uneven and left.predictable < STRUCTURE:
         return f'the model describes one record {left.unevenness:.2g} times worse than another'
     return f'{100 * left.predictable:.0f} % of it is predictable from the motion'

@@ -12,8 +12,9 @@ from motor_sysid.diagnosis.calibration.spectrum import fit_noise
 from motor_sysid.diagnosis.calibration.twin import Twin
 from motor_sysid.diagnosis.gate import UNPHYSICAL
 from motor_sysid.diagnosis.rounds import refitted, scored
-from motor_sysid.diagnosis.rung import climb, refined
+from motor_sysid.diagnosis.rung import climb
 from motor_sysid.diagnosis.setup import make_bench, with_scales
+from motor_sysid.diagnosis.steps import refined
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model

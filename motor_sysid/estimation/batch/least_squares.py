@@ -87,6 +87,7 @@ def fit(
     )[0]  # fmt: skip
 
 
+@np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
 def fit_and_slopes(
     problem: Problem,
     weighting: Weighting | None = None,

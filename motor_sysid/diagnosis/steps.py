@@ -1,0 +1,218 @@
+"""Steps of the integration as fine, and smoothed signs as sharp, as the data ask for.
+
+What smoothing and integration do wrong would count as missing physics.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.compare import compare
+from motor_sysid.diagnosis.moments import with_honest_moments
+from motor_sysid.diagnosis.rung import climb, FINER, judge, newton_step, Rung, slopes, some_of
+from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.estimation.batch import FitResult
+from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
+from motor_sysid.estimation.batch.uncertainty import describe
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+FINEST = 16
+"""Most integration steps per sample of the last fit, whose parameters are told."""
+
+MOVE = 0.25
+"""Move of a parameter that is worth no finer steps, in standard errors."""
+
+SHARPER = 8
+"""How much narrower smoothed signs are tried; the bias that they make is in proportion."""
+
+WIDTHS = ('omega_eps', 'i_eps')
+"""Widths of smoothed signs."""
+
+CHORDS = 4
+"""Most steps with the derivatives of coarser integration, before a fit begins anew."""
+
+FINER_BY = 8
+"""How much finer steps must change nothing, so that steps are fine enough."""
+
+JUDGE = 4
+"""How much finer than the most that are allowed those steps are by which the others are judged."""
+
+ROUNDING, WRONG = 0.1, 0.3
+"""Error of the integration, as a share of what is left, that is not worth finer steps; and the
+same where they would be many."""
+
+
+def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+    """Refit with sharper signs and finer steps of the integration where they matter.
+
+    What smoothing and integration do would count as missing physics; it may be a tenth of the
+    remaining error.  Some of the data tell.  What even these steps do wrong is noted.
+    """
+    some = replace(bench, train=some_of(bench, rung.model))
+    model = rung.model
+    sharp = _sharper(model)
+    if sharp is not model:
+        now, other = _residuals(model, some), _residuals(sharp, some)
+        if not _small(_differences(other, now), now):
+            model = sharp
+    while True:  # what is left of a better fit may ask for more
+        steps = _steps(model, some, FINER, _small)
+        if steps >= FINER:
+            steps = _steps(model, replace(some, substeps=steps), FINEST, _bearable)
+        if steps == bench.substeps and model is rung.model:
+            return rung, replace(bench, wrong=_wrong(rung, some))
+        bench, some = replace(bench, substeps=steps), replace(some, substeps=steps)
+        rung = climb(model, bench, rung.result.weighting)
+        model = rung.model
+
+
+def _wrong(rung: Rung, bench: Bench) -> float:
+    """Return the share of the whitened squares that is the integration's; 0 for rounding."""
+    if bench.substeps < FINER:
+        return 0.0
+    now, fine = _residuals(rung.model, bench), _residuals(rung.model, bench, JUDGE * FINEST)
+    changes = _differences(fine, now)
+    if _small(changes, now):
+        return 0.0
+    changed, left = (
+        sum(float(np.sum(rung.result.weighting.flat(r[:, :, np.newaxis]) ** 2)) for r in each)
+        for each in (changes, now)
+    )
+    return changed / left
+
+
+def _share(changes: Sequence[Array], left: Sequence[Array]) -> float:
+    changed, size = (np.mean(np.concatenate(r) ** 2, axis=0) for r in (changes, left))
+    return float(np.sqrt(np.max(changed / np.maximum(size, 1e-300))))
+
+
+def _small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+    return _share(changes, left) <= ROUNDING
+
+
+def _bearable(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+    return _share(changes, left) <= WRONG
+
+
+def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
+    """Fit the last model with signs so sharp and steps so fine that they hardly move a parameter.
+
+    How far they would is told by the derivatives: a change of the outputs moves the parameters as
+    far as it lies along them.  What sharper signs and finer steps could still move is part of the
+    standard error, and so is noise that is correlated for long.  Some of the data tell.
+    """
+    some, weighting = replace(bench, train=some_of(bench, rung.model)), rung.result.weighting
+    start = bench
+    near = slopes(rung if some.train is bench.train else replace(rung, near=()), some)
+    problem = bench.problem(rung.model)
+    slope = np.abs(problem.slope(problem.vector()))
+    sigma = np.array([p.sigma if p.sigma else np.inf for p in problem.free])
+
+    def moves(changes: Sequence[Array]) -> Array:
+        moved = [replace(one, residual=c) for one, c in zip(near, changes, strict=True)]
+        return np.abs(newton_step(*normal_equations(moved, weighting)[:2])) * slope
+
+    def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+        return bool(np.all(moves(changes) <= MOVE * sigma))
+
+    last, model, blunt = rung, rung.model, np.zeros(sigma.size)
+    sharp = _sharper(model)
+    if sharp is not model:
+        move = moves(_differences(_residuals(sharp, some), _residuals(model, some)))
+        if np.any(move > MOVE * sigma):
+            model, blunt = sharp, move / (SHARPER - 1)
+    steps = _steps(model, some, FINEST, small)
+    if steps != bench.substeps or model is not rung.model:
+        bench = replace(bench, substeps=steps)
+        last = _followed(replace(rung, near=tuple(slopes(rung, start))), model, bench, sigma)
+    if steps == FINEST:
+        runs = [_residuals(last.model, some, n) for n in (JUDGE * steps, steps)]
+        blunt = np.hypot(blunt, moves(_differences(*runs)))
+    return replace(last, result=_honest(last, bench, blunt)), bench
+
+
+def _followed(rung: Rung, model: Model, bench: Bench, sigma: Array) -> Rung:
+    """Return the fit in finer steps or with sharper signs of what was fitted without.
+
+    That is near by, so that derivatives need not be taken again; where these lead nowhere, or
+    along a bound, it is fitted anew.
+    """
+    problem, weighting = bench.problem(model), rung.result.weighting
+    lower, upper = problem.box()
+    z, slope = problem.vector(), np.abs(problem.slope(problem.vector()))
+    for runs in range(1, CHORDS + 1):
+        finer = problem.linearize(z, parameters=False)
+        near = [replace(a, residual=b.residual) for a, b in zip(rung.near, finer, strict=True)]
+        gradient, curvature, cost = normal_equations(near, weighting)
+        move = newton_step(gradient, curvature)
+        if not np.all(np.isfinite(move)) or np.any((z <= lower) | (z >= upper)):
+            break
+        z = np.clip(z + move, lower, upper)
+        if np.all(np.abs(move) * slope <= MOVE * sigma):
+            near = [replace(one, residual=one.residual - one.slope @ move) for one in near]
+            solution = Solution(z, cost - float(move @ gradient), True, runs, runs, tuple(near))
+            return judge(result_at(problem, weighting, solution, runs, runs), bench, near)
+    return climb(model, bench, weighting, briefly=True)
+
+
+def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
+    """Return a fit with standard errors for noise that is correlated for long.
+
+    `blunt` (p,) holds errors of the integration that are added to them.
+    """
+    problem, weighting = bench.problem(rung.model), rung.result.weighting
+    near = slopes(rung, bench)
+    spread = describe(problem, problem.vector(), weighting, near, stationary=True)
+    told = {
+        p.name: float(np.hypot(s, extra))
+        for p, s, extra in zip(problem.free, spread.sigma, blunt, strict=True)
+    }
+    sure = bench.problem(rung.model.with_estimates({}, told))
+    model = with_honest_moments(sure, weighting, spread.information)
+    return replace(rung.result, model=model, covariance=spread.covariance)
+
+
+def _sharper(model: Model) -> Model:
+    """Return the model with every smoothed sign `SHARPER` times narrower; itself without one."""
+    needed = {name for key in model.effects for name in effect(key).needs()}
+    widths = {n: model[n] / SHARPER for n in WIDTHS if n in needed and n in model.parameters}
+    return model.with_values(widths) if widths else model
+
+
+def _residuals(model: Model, bench: Bench, steps: int = 0) -> Sequence[Array]:
+    steps = steps or bench.substeps
+    return compare(model, bench.train, bench.outputs, substeps=steps).residuals
+
+
+def _differences(one: Sequence[Array], other: Sequence[Array]) -> list[Array]:
+    return [a - b for a, b in zip(one, other, strict=True)]
+
+
+def _steps(
+    model: Model,
+    bench: Bench,
+    most: int,
+    small: Callable[[Sequence[Array], Sequence[Array]], bool],
+) -> int:
+    """Return so many integration steps that more of them make a small change of the outputs."""
+    steps = bench.substeps
+    if steps >= most or all(effect(key).card.linear for key in model.effects):
+        return steps
+    now = _residuals(model, bench)
+    fine = _residuals(model, bench, FINER_BY * steps)
+    if small(_differences(fine, now), now):
+        return steps
+    if most > 2 * steps:
+        fine = _residuals(model, bench, JUDGE * most)
+    while 2 * steps < most:
+        steps *= 2
+        if small(_differences(fine, _residuals(model, bench, steps)), now):
+            return steps
+    return most
+
+
