@@ -8,7 +8,7 @@ from bench_motor import records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.gate import gate_note, gone, misfit_of_laws
+from motor_sysid.diagnosis.gate import gate_note, gone, misfit_of_laws, UNPHYSICAL
 from motor_sysid.diagnosis.refit import Level
 from motor_sysid.diagnosis.rounds import accounted
 from motor_sysid.diagnosis.rung import climb, profile_cost, with_better_sensor
@@ -109,6 +109,19 @@ def test_a_ratio_at_its_limit_means_another_law():
     p = shaft.parameters['flexible_shaft.z']
     over = shaft.with_values({'flexible_shaft.z': p.upper})
     assert 'damping ratio' in note(over, 'flexible_shaft', gain=10.0)
+
+
+@pytest.mark.parametrize(('tau_c', 'expected'), [(1e-3, ''), (0.0, UNPHYSICAL)])
+def test_a_rise_of_friction_without_friction_is_no_stribeck_friction(tau_c, expected):
+    model = with_effect('stribeck_friction', {'tau_c': tau_c, 'tau_s': 6e-4, 'omega_s': 3.0})
+    assert note(model, 'stribeck_friction', gain=10.0) == expected
+
+
+@pytest.mark.parametrize(('plus', 'minus', 'expected'), [(1e-3, 0.0, ''), (0.0, 0.0, UNPHYSICAL)])
+def test_friction_in_one_direction_alone_is_friction(plus, minus, expected):
+    values = {'tau_c_plus': plus, 'tau_c_minus': minus}
+    model = with_effect('asymmetric_coulomb_friction', values)
+    assert note(model, 'asymmetric_coulomb_friction', gain=10.0) == expected
 
 
 def test_what_widens_a_law_needs_more_than_a_certain_trifle():

@@ -5,11 +5,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.gate import UNPHYSICAL
+from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.refit import searching, Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
-from motor_sysid.diagnosis.verdict import doubts, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import contends, doubts, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect
 from motor_sysid.signals import Record
@@ -89,6 +89,14 @@ def test_a_rival_is_close_behind_and_closer_where_only_noise_is_left(behind, exc
     """Within 10, or within 2 % of the winner's 1000 where it leaves more than noise."""
     best = trial('quadratic_drag', 1000.0, excess=excess)
     assert rivals_of(best, [best, trial('cogging_torque', 1000.0 - behind)]) == rivals
+
+
+@pytest.mark.parametrize(
+    ('note', 'rival'), [('', True), (UNCERTAIN, True), (NO_EVIDENCE, False), (UNPHYSICAL, False)]
+)
+def test_an_effect_of_uncertain_size_contends(note, rival):
+    """A delay and a lag that explain the same are rivals, though one alone is sure of its size."""
+    assert contends(trial('input_delay', 995.0, note=note)) is rival
 
 
 def test_a_special_case_is_no_rival():

@@ -1,0 +1,56 @@
+"""What the integration does wrong counts for no effect, and finer steps are followed cheaply."""
+
+from dataclasses import replace
+
+from bench_motor import records
+import numpy as np
+import pytest
+from test_trials import prepared, refitted
+
+from motor_sysid.benchmark.cases import draw
+from motor_sysid.benchmark.scenarios import named_case
+from motor_sysid.diagnosis import diagnose
+from motor_sysid.diagnosis.gate import INEXACT
+from motor_sysid.diagnosis.rung import climb
+import motor_sysid.diagnosis.steps as steps
+from motor_sysid.diagnosis.steps import refined
+from motor_sysid.physics.model import SpeedSensor
+
+FRICTION = {'coulomb_friction': {'tau_c': 6e-3}}
+
+
+def test_evidence_must_exceed_what_the_integration_does_wrong():
+    """All of the misfit may be the integration's; then nothing is evidence."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    assert refitted('coulomb_friction', bench, rung)[0].passes
+    trial, _ = refitted('coulomb_friction', replace(bench, wrong=1.0), rung)
+    assert trial.note == INEXACT
+
+
+def test_steps_that_are_fine_enough_do_nothing_wrong():
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    friction = rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3})
+    assert refined(climb(friction, bench), bench)[1].wrong == 0.0
+
+
+def test_a_ripple_faster_than_the_steps_is_no_delay():
+    """45 waves a turn at 1 kHz, no position: half a sample of delay fits what is left of it."""
+    scenario, number = named_case('single/torque_ripple/10/0')
+    case = draw(scenario, 171, number)
+    offered = ('torque_ripple', 'input_delay')
+    found = diagnose(case.train, case.valid, motor='brushed_dc', effects=offered)
+    assert found.effects == ('torque_ripple',)
+
+
+def test_finer_steps_are_followed_with_the_derivatives_of_the_coarser(monkeypatch):
+    """The fit is where one from anew ends, within a tenth of a standard error."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
+    fine, sharp = replace(bench, substeps=8), steps._sharper(rung.model)
+    sigma = np.array([p.sigma for p in rung.model.parameters.free])
+    anew = climb(sharp, fine, rung.result.weighting, briefly=True)
+    monkeypatch.setattr(steps, 'climb', lambda *args, **kwargs: pytest.fail('was fitted anew'))
+    found = steps._followed(rung, sharp, fine, sigma)
+    for p in found.model.parameters.free:
+        assert p.value == pytest.approx(anew.model[p.name], abs=0.1 * p.sigma)
+    assert found.result.cost == pytest.approx(anew.result.cost, rel=1e-3)
