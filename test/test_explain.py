@@ -84,6 +84,15 @@ def test_an_amplitude_that_cannot_be_told_from_zero_is_not_plausible():
     assert 'cannot be told from zero' in one.words
 
 
+def test_an_amplitude_that_is_seen_only_in_combination_is_said_to_be():
+    steps = ladder()
+    steps[1] = step(with_friction({}, sigma=np.inf), 1.0)
+    (one,) = evidence_of(steps, records({}, ['steps'], 2.0), 0.6, {})
+    assert one.plausible
+    assert 'tau_c only in combination' in one.words
+    assert 'inf' not in one.words
+
+
 def test_an_effect_that_was_dropped_again_has_no_evidence():
     steps = [*ladder(), step(fitted({}), 1.0)]
     assert evidence_of(steps, records({}, ['steps'], 2.0), 0.6, {}) == ()

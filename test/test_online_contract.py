@@ -48,7 +48,8 @@ def test_same_bits_however_samples_are_bunched(key):
     feed(whole, rows)
     for k in range(len(rows)):
         feed(single, rows[k : k + 1])
-        single.estimate()
+        if k % 7 == 0:  # and to ask changes nothing
+            single.estimate()
     for part in np.array_split(rows, 23):
         feed(ragged, part)
     for other in (single, ragged):

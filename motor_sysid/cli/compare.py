@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 HELP = 'compare a model with recordings: errors by channel, and where it fails'
 
 
+_WAYS = {-1: 'in backward motion', 0: 'at rest', 1: 'in forward motion'}
+
+
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument('model', type=Path, metavar='MODEL', help='model (YAML)')
@@ -59,10 +62,13 @@ def run(args: argparse.Namespace) -> int:
         )
     for one in where:
         worst = max(range(len(one.error_share)), key=lambda k: one.error_share[k])
+        low, high = one.bins[worst : worst + 2]
+        place = f'between {low:.3g} and {high:.3g} {one.unit}'
+        if one.axis == 'direction':
+            place = _WAYS[round((low + high) / 2)]
         print(
             f'by {one.axis}: {100 * one.error_share[worst]:.0f} % of the squared error lies '
-            f'between {one.bins[worst]:.3g} and {one.bins[worst + 1]:.3g} {one.unit}, '
-            f'in {100 * one.time_share[worst]:.0f} % of the time'
+            f'{place}, in {100 * one.time_share[worst]:.0f} % of the time'
         )
     for note in beyond_range(model, records):
         print(f'note: {note}')

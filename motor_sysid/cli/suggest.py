@@ -104,6 +104,8 @@ def _document(path: Path | None) -> dict[str, object] | None:
 
 def summary(made: 'Experiment') -> list[str]:
     """Return the experiment as lines of text."""
+    from motor_sysid.diagnosis.figures import with_unit
+
     lines = ['', made.summary[0].upper() + made.summary[1:] + '.', *made.reasons]
     if made.profile is None:
         return lines
@@ -116,7 +118,8 @@ def summary(made: 'Experiment') -> list[str]:
         lines.append(f'  {" against ".join(one.rivals)}: expected dBIC {one.delta_bic:.0f}')
     for row in made.sharpenings:
         lines.append(
-            f'  {row.name} = {row.value:.4g} {row.unit}: sigma {row.sigma_before:.2g} -> '
-            f'{row.sigma_after:.2g}'
+            f'  {row.name} = {with_unit(row.value, row.unit, 4)}: sigma '
+            f'{with_unit(row.sigma_before, row.unit)} -> '
+            f'{with_unit(row.sigma_after, row.unit)}'
         )
     return lines

@@ -130,7 +130,9 @@ def _plausible(
     lines, fine = [], True
     for card in effect(key).card.amplitudes:
         p = model.parameters[f'{key}.{card.name}']
-        if card.positive:
+        if card.positive and p.sigma == math.inf:
+            lines.append(f'These data see {card.name} only in combination with other parameters.')
+        elif card.positive:
             sure = _known(p.sigma, p.value) and p.value > 0
             fine = fine and sure
             lines.append('Its sign is the one that physics demands.' if sure
