@@ -23,7 +23,8 @@ class Estimate(NamedTuple):
     value, sigma, unit:
         Estimate and its standard deviation, both in that SI unit.
     identifiable:
-        Whether the data so far tell it: False where it is hardly better known than before.
+        Whether the data so far tell it: False where it is hardly better known than before, or
+        where what must be positive may as well be nothing.
     """
 
     value: float

@@ -166,7 +166,8 @@ class Regressions:
             if p.name in found:
                 value, sigma, prior = found[p.name]
                 inside = min(max(value, p.lower), p.upper)
-                known = sigma < _KNOWN * prior and inside == value
+                least = min(prior, inside) if p.logarithmic else prior
+                known = sigma < _KNOWN * least and inside == value
                 result[p.name] = Estimate(inside, sigma, p.unit, known)
             else:
                 result[p.name] = Estimate(p.value, p.sigma or math.inf, p.unit, False)
