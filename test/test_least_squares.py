@@ -95,6 +95,24 @@ def test_what_cannot_be_seen_is_said():
     assert any('emf_ratio' in words or 'k_t' in words for words in result.unidentifiable)
 
 
+def test_an_inductance_that_no_sample_shows_takes_no_other_parameter_along():
+    """With L/R of 0.5 us at 1 ms the derivative by L is rounding; all else is known to 2 %."""
+    rng = np.random.default_rng(4)
+    true = {**MOTOR, 'L': 1e-6}
+    model = Model.base('brushed_dc', true, speed_sensor=SpeedSensor.DIFFERENCE)
+    data = [
+        measure(model, voltage_profile(kind, 4.0, rng), rng)
+        for kind in ('steps', 'triangle')
+    ]
+    result = fit(a_problem(model, data))
+    assert result.undetermined == ('L',)
+    assert 'L is not determined by these data' in result.unidentifiable
+    for name in ('R', 'k_t', 'J', 'b'):
+        p = result.model.parameters[name]
+        assert p.sigma < 0.02 * p.value
+        assert p.value == pytest.approx(true[name], abs=4 * p.sigma)
+
+
 def test_a_parameter_on_its_bound_is_said():
     data = records({}, kinds=('steps',), seconds=2.0)
     result = fit(a_problem(a_start(), data))

@@ -22,6 +22,9 @@ SELDOM = 0.005
 ELECTRICAL = 1.0
 """Samples in an electrical time constant below which the inductance cannot be seen."""
 
+_FASTER = 10.0
+"""How much faster to sample where it cannot: by how much is not known either."""
+
 
 _PARAMETERS: Mapping[str, tuple[str, ...]] = {
     'constant_input': ('R', 'L', 'k_t', 'J', 'b', 'k_v', 'k_a'),
@@ -126,12 +129,10 @@ def _from_model(
         dt = float(np.median([r.dt for r in records]))
         constant = model['L'] / model['R']
         if constant < ELECTRICAL * dt and 'L' in vague:
-            wanted = 3 / max(constant, 1e-9)
             yield _Found(
                 'slow_sampling',
-                f'A sample every {with_unit(dt, "s")} is longer than the electrical time constant '
-                f'(about {with_unit(constant, "s")})',
-                f'sample faster, at {with_unit(wanted, "Hz", 2)} or more',
+                f'A sample every {with_unit(dt, "s")} is longer than the electrical time constant',
+                f'sample faster, at {with_unit(_FASTER / dt, "Hz")} or more',
             )
 
 

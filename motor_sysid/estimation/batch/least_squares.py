@@ -285,7 +285,8 @@ def _reason(solution: Solution) -> str:
 def _warnings(model: Model) -> tuple[str, ...]:
     return tuple(
         f'{p.name} = {p.value:.4g} {p.unit} sits on its bound ({p.lower:.3g} to {p.upper:.3g}); '
-        'widen the box, or take the effect that it belongs to out of the model'
+        + ('widen the box, or take the effect that it belongs to out of the model' if '.' in p.name
+           else 'widen the box, or hold it at a known value if these data do not tell it')
         for p in model.parameters.free
         if p.on_bound
-    )
+    )  # fmt: skip

@@ -19,6 +19,9 @@ BLOCKS = 120
 VAGUE = 0.7
 """Relative standard deviation above which a positive parameter counts as undetermined."""
 
+BOXED = 5.0
+"""The same from which on only the box of a parameter tells anything of it."""
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -107,24 +110,37 @@ def describe(
         told = of_curvature(np.zeros((z.size, z.size)), names)
         return Spread(nothing, np.diag(nothing), ('the model cannot be simulated',), told)
     size = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    scaled = curvature / np.outer(size, size)
+    boxed = curvature + _box_precision(problem)
+    believed = problem.precision + _box_precision(problem)
+    scaled = boxed / np.outer(size, size)
     inverse = np.linalg.pinv(scaled, rcond=1e-12, hermitian=True)
     pushed = scores / size @ inverse / size
     count = len(scores)
     covariance = pushed.T @ pushed * count / max(count - z.size, 1)
-    if problem.prior is not None:
-        whole = inverse / np.outer(size, size)
-        covariance = covariance + whole @ problem.precision @ whole
+    whole = inverse / np.outer(size, size)
+    covariance = covariance + whole @ believed @ whole
     if stationary:
-        whole = inverse / np.outer(size, size)
         noise = whole @ stationary_scores(near, weighting) @ whole
-        covariance = _at_least(covariance, noise + whole @ problem.precision @ whole)
+        covariance = _at_least(covariance, noise + whole @ believed @ whole)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     unseen = np.diag(curvature) <= 1e-12 * np.max(np.diag(curvature))
     told = of_curvature(curvature, names, slope)
     sigma[unseen | np.isinf(told.bound)] = np.inf
     words = (*told.words(), *_vague(problem, told.words(), sigma, slope))
     return Spread(sigma, covariance * np.outer(slope, slope), words, told)
+
+
+def _box_precision(problem: Problem) -> Array:
+    """Return the (d, d) precision of what must be positive by its box alone.
+
+    An inductance far below what a sample shows may be a hundred times larger, not a million times:
+    without its box, what the others have in common with its derivative, which is rounding, would
+    count as theirs.
+    """
+    lower, upper = problem.box()
+    half = [0.5 * (high - low) if p.logarithmic else np.inf
+            for p, low, high in zip(problem.free, lower, upper, strict=True)]  # fmt: skip
+    return np.diag(np.maximum(half, 1e-300) ** -2.0)
 
 
 def _at_least(covariance: Array, other: Array) -> Array:
@@ -143,8 +159,9 @@ def _vague(
     for p, s, unit_step in zip(problem.free, sigma, slope, strict=True):
         relative = s / abs(unit_step) if p.logarithmic else 0.0
         if relative > VAGUE and not any(p.name in w for w in said):
+            share = f' (standard deviation {100 * relative:.0f} % of its value)'
             words.append(
-                f'{p.name} is hardly determined by these data '
-                f'(standard deviation {100 * relative:.0f} % of its value)'
-            )
+                f'{p.name} is not determined by these data' if relative > BOXED
+                else f'{p.name} is hardly determined by these data{share}'
+            )  # fmt: skip
     return tuple(words)
