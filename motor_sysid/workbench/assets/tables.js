@@ -178,7 +178,7 @@ function parameterRow(p, step) {
 /** How wrong the value was in M0, in words. */
 function baseText(p) {
   if (p.base === null) return p.effect ? el('b', {class: 'ok'}, 'new') : '';
-  if (Math.abs(p.value) <= 3 * (p.sigma || 0)) return p.base === p.value ? '' : `M0: ${digits(p.base)}`;
+  if (!p.known || Math.abs(p.value) <= 3 * (p.sigma || 0)) return p.base === p.value ? '' : `M0: ${digits(p.base)}`;
   const ratio = p.base / p.value;
   const off = Math.abs(ratio - 1);
   if (off < 2e-3) return 'as in M0';
