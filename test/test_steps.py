@@ -46,11 +46,12 @@ def test_finer_steps_are_followed_with_the_derivatives_of_the_coarser(monkeypatc
     """The fit is where one from anew ends, within a tenth of a standard error."""
     bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
     rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
-    fine, sharp = replace(bench, substeps=8), steps._sharper(rung.model)
+    rung = climb(steps._sharper(rung.model), bench)
+    fine = replace(bench, substeps=8)
     sigma = np.array([p.sigma for p in rung.model.parameters.free])
-    anew = climb(sharp, fine, rung.result.weighting, briefly=True)
+    anew = climb(rung.model, fine, rung.result.weighting, briefly=True)
     monkeypatch.setattr(steps, 'climb', lambda *args, **kwargs: pytest.fail('was fitted anew'))
-    found = steps._followed(rung, sharp, fine, sigma)
+    found = steps._followed(rung, fine, sigma)
     for p in found.model.parameters.free:
         assert p.value == pytest.approx(anew.model[p.name], abs=0.1 * p.sigma)
     assert found.result.cost == pytest.approx(anew.result.cost, rel=1e-3)

@@ -129,20 +129,23 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     steps = _steps(model, some, FINEST, small)
     if steps != bench.substeps or model is not rung.model:
         bench = replace(bench, substeps=steps)
-        last = _followed(replace(rung, near=tuple(slopes(rung, start))), model, bench, sigma)
+        if model is rung.model:
+            last = _followed(replace(rung, near=tuple(slopes(rung, start))), bench, sigma)
+        else:  # where signs are sharper, derivatives are others
+            last = climb(model, bench, weighting, briefly=True)
     if steps == FINEST:
         runs = [_residuals(last.model, some, n) for n in (JUDGE * steps, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
     return replace(last, result=_honest(last, bench, blunt)), bench
 
 
-def _followed(rung: Rung, model: Model, bench: Bench, sigma: Array) -> Rung:
-    """Return the fit in finer steps or with sharper signs of what was fitted without.
+def _followed(rung: Rung, bench: Bench, sigma: Array) -> Rung:
+    """Return the fit in finer steps of what was fitted in coarser ones.
 
     That is near by, so that derivatives need not be taken again; where these lead nowhere, or
     along a bound, it is fitted anew.
     """
-    problem, weighting = bench.problem(model), rung.result.weighting
+    problem, weighting = bench.problem(rung.model), rung.result.weighting
     lower, upper = problem.box()
     z, slope = problem.vector(), np.abs(problem.slope(problem.vector()))
     for runs in range(1, CHORDS + 1):
@@ -157,7 +160,7 @@ def _followed(rung: Rung, model: Model, bench: Bench, sigma: Array) -> Rung:
             near = [replace(one, residual=one.residual - one.slope @ move) for one in near]
             solution = Solution(z, cost - float(move @ gradient), True, runs, runs, tuple(near))
             return judge(result_at(problem, weighting, solution, runs, runs), bench, near)
-    return climb(model, bench, weighting, briefly=True)
+    return climb(rung.model, bench, weighting, briefly=True)
 
 
 def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
