@@ -33,6 +33,7 @@ def test_steps_that_are_fine_enough_do_nothing_wrong():
     assert refined(climb(friction, bench), bench)[1].wrong == 0.0
 
 
+@pytest.mark.slow
 def test_a_ripple_faster_than_the_steps_is_no_delay():
     """45 waves a turn at 1 kHz, no position: half a sample of delay fits what is left of it."""
     scenario, number = named_case('single/torque_ripple/10/0')
