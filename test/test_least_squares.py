@@ -113,6 +113,21 @@ def test_an_inductance_that_no_sample_shows_takes_no_other_parameter_along():
         assert p.value == pytest.approx(true[name], abs=4 * p.sigma)
 
 
+def test_a_parameter_that_is_not_seen_at_all_leaves_the_others_their_standard_errors():
+    """Where nothing coasts, nothing tells from which command on."""
+    data = records({}, kinds=('steps',), seconds=2.0)
+    base = a_start().without_effect('coulomb_friction')
+    alone = fit(a_problem(base, data))
+    model = base.with_effect('drive_coast', {'a': 0.0, 'u_c': 5.0}).with_free(
+        ['drive_coast.a'], free=False
+    )
+    result = fit(a_problem(model, data))
+    assert result.model.parameters['drive_coast.u_c'].sigma == np.inf
+    for name in ('R', 'L', 'k_t', 'J', 'b'):
+        own = result.model.parameters[name].sigma
+        assert own == pytest.approx(alone.model.parameters[name].sigma, rel=0.05)
+
+
 def test_a_parameter_on_its_bound_is_said():
     data = records({}, kinds=('steps',), seconds=2.0)
     result = fit(a_problem(a_start(), data))
