@@ -9,7 +9,7 @@ from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.refit import searching, Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
-from motor_sysid.diagnosis.verdict import contends, doubts, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect
 from motor_sysid.signals import Record
@@ -94,9 +94,9 @@ def test_a_rival_is_close_behind_and_closer_where_only_noise_is_left(behind, exc
 @pytest.mark.parametrize(
     ('note', 'rival'), [('', True), (UNCERTAIN, True), (NO_EVIDENCE, False), (UNPHYSICAL, False)]
 )
-def test_an_effect_of_uncertain_size_contends(note, rival):
+def test_an_effect_of_uncertain_size_may_rival(note, rival):
     """A delay and a lag that explain the same are rivals, though one alone is sure of its size."""
-    assert contends(trial('input_delay', 995.0, note=note)) is rival
+    assert may_rival(trial('input_delay', 995.0, note=note)) is rival
 
 
 def test_a_special_case_is_no_rival():

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 HELP = 'compare a model with recordings: errors by channel, and where it fails'
 
-
 _WAYS = {-1: 'in backward motion', 0: 'at rest', 1: 'in forward motion'}
 
 

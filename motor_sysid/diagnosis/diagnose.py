@@ -38,7 +38,7 @@ from motor_sysid.diagnosis.setup import (
 )
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
-from motor_sysid.diagnosis.verdict import contends, doubts, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.methods.reference import moving_references
@@ -188,7 +188,7 @@ class _Engine:
                 rung, trials = step
                 passing = [t for t in trials if t.passes]
             winner = winner_of(passing)
-            rivals[winner.key] = rivals_of(winner, [t for t in trials if contends(t)])
+            rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)])
             self.gains[winner.key] = winner.delta_bic
             self.tell(
                 f'adding {winner.scored.variant.effect.card.title}: held-out error '

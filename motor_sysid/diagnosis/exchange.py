@@ -23,7 +23,7 @@ from motor_sysid.diagnosis.rounds import ONLY_NOISE, WORKERS
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.diagnosis.verdict import contends, margin_of, RIVAL_BIC, RIVAL_SHARE
+from motor_sysid.diagnosis.verdict import margin_of, may_rival, RIVAL_BIC, RIVAL_SHARE
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 
@@ -131,7 +131,7 @@ class Exchange:
             rivals[key] = tuple(
                 name
                 for name, trial in trials.items()
-                if trial is None or (contends(trial) and trial.delta_bic > mine - margin)
+                if trial is None or (may_rival(trial) and trial.delta_bic > mine - margin)
             )
             found = [t for t in trials.values() if t is not None and t.passes]
             ahead += [(t.delta_bic - mine, key, t) for t in found if t.delta_bic > mine + margin]

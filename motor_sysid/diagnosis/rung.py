@@ -41,6 +41,7 @@ it must come to, from which on no fit is tried."""
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
+
 @dataclass(frozen=True)
 class Rung:
     """A fitted model with everything that is asked of it.
@@ -230,7 +231,7 @@ def vanished(model: Model, key: str) -> bool:
     own = {a.name: model.parameters[f'{key}.{a.name}'] for a in card.amplitudes if a.positive}
     none = {name for name, p in own.items() if p.value <= 1e-9 * p.upper}
     widened = [{mine for mine, _ in pairs} for pairs in card.generalises.values()]
-    return bool(own) and any(names <= none for names in [set(own), *widened])
+    return any(names and names <= none for names in [set(own), *widened])
 
 
 def certainty(rung: Rung, key: str) -> float:

@@ -70,7 +70,7 @@ def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
     return trial if special is None else _simplest(special, passing)
 
 
-def contends(trial: Trial) -> bool:
+def may_rival(trial: Trial) -> bool:
     """Whether a trial may be a rival: it passes, or only its size is uncertain."""
     return trial.passes or trial.note == UNCERTAIN
 
