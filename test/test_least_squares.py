@@ -1,5 +1,7 @@
 """The batch fit: known parameters come back, and its uncertainty is what it says."""
 
+from dataclasses import replace
+
 from bench_motor import CURRENT_OFFSET, measure, MOTOR, records, voltage_profile
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from motor_sysid.estimation.batch import (
 )
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
+from motor_sysid.physics.parameters import ParameterSet
 from motor_sysid.signals.record import Record
 
 HIDDEN = {'coulomb_friction': {'tau_c': 6e-3}}
@@ -126,6 +129,18 @@ def test_a_parameter_that_is_not_seen_at_all_leaves_the_others_their_standard_er
     for name in ('R', 'L', 'k_t', 'J', 'b'):
         own = result.model.parameters[name].sigma
         assert own == pytest.approx(alone.model.parameters[name].sigma, rel=0.05)
+
+
+def test_a_box_that_holds_one_value_leaves_no_doubt():
+    data = records({}, kinds=('steps',), seconds=2.0)
+    model = a_start().without_effect('coulomb_friction')
+    p = model.parameters['R']
+    one = replace(p, lower=p.value, upper=p.value)
+    items = tuple(one if q.name == 'R' else q for q in model.parameters)
+    found = fit(a_problem(replace(model, parameters=ParameterSet(items)), data)).model.parameters
+    assert found['R'].value == p.value
+    assert found['R'].sigma < 1e-5 * p.value
+    assert 0.0 < found['k_t'].sigma < 0.01 * MOTOR['k_t']
 
 
 def test_a_parameter_on_its_bound_is_said():
