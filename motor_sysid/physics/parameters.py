@@ -80,8 +80,8 @@ class ParameterSet:
 
     @property
     def free(self) -> tuple[Parameter, ...]:
-        """Parameters that a fit may change."""
-        return tuple(p for p in self.items if p.free)
+        """Parameters that a fit may change: free ones whose box holds more than one value."""
+        return tuple(p for p in self.items if p.free and p.lower < p.upper)
 
     def values(self) -> dict[str, float]:
         """Return name to value."""

@@ -22,9 +22,6 @@ VAGUE = 0.7
 BOXED = 5.0
 """The same from which on only the box of a parameter tells anything of it."""
 
-_NARROWEST = 1e-6
-"""Half width of a box, of a logarithm, below which it may as well hold one value."""
-
 
 @dataclass(frozen=True)
 class Spread:
@@ -143,7 +140,7 @@ def _box_precision(problem: Problem) -> Array:
     lower, upper = problem.box()
     half = [0.5 * (high - low) if p.logarithmic else np.inf
             for p, low, high in zip(problem.free, lower, upper, strict=True)]  # fmt: skip
-    return np.diag(np.maximum(half, _NARROWEST) ** -2.0)
+    return np.diag(np.array(half) ** -2.0)
 
 
 def _at_least(covariance: Array, other: Array) -> Array:
