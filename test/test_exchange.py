@@ -110,3 +110,14 @@ def test_what_two_alike_fits_share_is_all():
     (one,) = rivalries_of([], rivals, [], pair)
     assert one.overlap == pytest.approx(1.0)
     assert one.regime == ''
+
+
+def test_what_takes_a_place_does_not_bring_back_what_it_took_the_place_of():
+    engine, rung = exchange_of()
+    slim, _ = engine.without(rung, 'coulomb_friction')
+    both = replace(rung, result=replace(rung.result, model=rung.model.with_effect(
+        'quadratic_drag', {'k_d': 1e-9}, engine.bench.scales
+    )))  # fmt: skip
+    trial, _ = refitted('quadratic_drag', engine.bench, slim)
+    placed = exchange._beside(replace(trial, rung=both), slim)
+    assert set(placed.rung.model.effects) == {'brush_voltage_drop', 'quadratic_drag'}

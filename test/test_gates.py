@@ -8,7 +8,7 @@ from bench_motor import records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.gate import gate_note, gone, misfit_of_laws, UNPHYSICAL
+from motor_sysid.diagnosis.gate import gate_note, gone, is_idle, misfit_of_laws, UNPHYSICAL
 from motor_sysid.diagnosis.refit import Level
 from motor_sysid.diagnosis.rounds import accounted
 from motor_sysid.diagnosis.rung import climb, profile_cost, with_better_sensor
@@ -143,6 +143,19 @@ def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
     assert note(model, 'quadratic_drag', gain=10.0, sigmas=0.3) == ''
     assert 'from nothing' in note(model, 'quadratic_drag', gain=10.0, sigmas=0.4)
     assert note(model, 'quadratic_drag', gain=11.0, sigmas=0.4, delta=1001.0) == ''
+
+
+@pytest.mark.parametrize(('error', 'sigmas', 'idle'), [(4.9, 0.6, True), (4.9, 0.4, False),
+                                                       (4.0, 0.6, False)])  # fmt: skip
+def test_what_may_be_nothing_in_the_last_fit_and_does_next_to_nothing_is_idle(error, sigmas, idle):
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    spread = np.diag([(sigmas * p.value) ** 2 for p in model.parameters.free])
+
+    def fitted(percent):
+        held = SimpleNamespace(channel_percent={'speed': percent})
+        return SimpleNamespace(model=model, held=held, result=SimpleNamespace(covariance=spread))
+
+    assert is_idle(fitted(error), fitted(5.0), 'quadratic_drag') is idle
 
 
 def test_an_amplitude_counts_for_its_shapes_as_they_are():

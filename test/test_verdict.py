@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.signals import Record
 
 FLOOR = 1.0
@@ -25,9 +26,11 @@ def trial(key, delta_bic, *, note='', excess=1.0, inherits=False, gain=10.0):
     return Trial(SimpleNamespace(variant=variant), None, delta_bic, gain, 1.0, note, excess)
 
 
-def rung(error_percent, unidentifiable=()):
-    """Return a fit with that held-out error."""
+def rung(error_percent, unidentifiable=(), *, effects=(), friction=1e-5):
+    """Return a fit with that held-out error and a viscous friction told to a tenth."""
+    b = Parameter('b', 'N m s/rad', friction, 1e-12, 10.0, '', sigma=0.1 * friction)
     return SimpleNamespace(
+        model=SimpleNamespace(effects=effects, parameters=ParameterSet((b,))),
         held=SimpleNamespace(error_percent=error_percent),
         result=SimpleNamespace(unidentifiable=unidentifiable, undetermined=unidentifiable),
     )
@@ -220,6 +223,29 @@ def test_a_neighbour_leaves_more_than_a_twentieth_of_the_whitened_squares(
     after, accounted, said
 ):
     assert verdict(rung(10.0), rung(after), accounted=accounted) is said
+
+
+@pytest.mark.parametrize(('last', 'said'), [(4.5, Verdict.UNKNOWN_EFFECT),
+                                            (4.3, Verdict.EFFECT_MISSING)])  # fmt: skip
+def test_of_several_effects_none_may_take_away_less_than_what_is_left(last, said):
+    """It takes away 36 - 20.2 or 36 - 18.5; nine tenths of the rest are 18.2 or 16.6."""
+    left = Remainder({}, FLOOR, last, last, 0.9)
+    steps = [rung(40.0), rung(6.0, effects=('a',)), rung(last, effects=('a', 'b'))]
+    assert verdict(*steps, left=left) is said
+    noise = Remainder({}, FLOOR, last, 1.1, 0.9)
+    assert verdict(*steps, left=noise) is Verdict.EFFECT_MISSING
+
+
+def test_what_took_the_place_of_another_took_nothing_away_itself():
+    left = Remainder({}, FLOOR, 4.5, 4.5, 0.9)
+    steps = [rung(40.0), rung(4.6, effects=('a',)), rung(4.5, effects=('b',))]
+    assert verdict(*steps, left=left) is Verdict.EFFECT_MISSING
+
+
+def test_what_does_away_with_a_known_friction_is_not_named():
+    assert verdict(rung(10.0), rung(1.05, friction=1e-12)) is Verdict.UNKNOWN_EFFECT
+    unknown_before = rung(10.0, friction=1e-12)
+    assert verdict(unknown_before, rung(1.05, friction=1e-12)) is Verdict.EFFECT_MISSING
 
 
 @pytest.mark.parametrize(('before', 'said'), [(1.35, Verdict.COMPLETE),

@@ -1,6 +1,6 @@
 """What the demo does with its bag: diagnose, print the falling error, write the results."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 import time
 
@@ -38,7 +38,6 @@ class Demo:
 def finish(demo: Demo) -> int:
     """Diagnose the bag as anyone would, without being told what is hidden; write the results."""
     from motor_sysid.diagnosis import diagnose
-    from motor_sysid.diagnosis.diagnose import with_seconds
     from motor_sysid.diagnosis.document import diagnosis_document
     from motor_sysid.physics.store import save_model
     from motor_sysid.workbench.report import write_report
@@ -53,7 +52,7 @@ def finish(demo: Demo) -> int:
         nominal=demo.nominal.parameters.values(),
         progress=progress(),
     )
-    found = with_seconds(found, time.perf_counter() - began)
+    found = replace(found, seconds=time.perf_counter() - began)
     print('\n'.join(summary(found)))
     document = diagnosis_document(found)
     save_model(found.model, demo.out / 'model.yaml')

@@ -1,6 +1,7 @@
 """`motor-sysid diagnose`: find out which physical effect a motor model lacks."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 import sys
 import time
@@ -52,7 +53,6 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose, print the verdict, write what was asked for."""
     from motor_sysid.diagnosis import diagnose, Settings
     from motor_sysid.diagnosis.calibration.store import load_calibrations
-    from motor_sysid.diagnosis.diagnose import with_seconds
     from motor_sysid.diagnosis.document import diagnosis_document
     from motor_sysid.physics.datasheet import load_datasheet
     from motor_sysid.physics.store import load_model, save_model
@@ -80,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
         ),
         progress=progress(),
     )
-    found = with_seconds(found, time.perf_counter() - began)
+    found = replace(found, seconds=time.perf_counter() - began)
     print('\n'.join(summary(found)))
     if args.json:
         from motor_sysid.workbench.view import build_view

@@ -8,18 +8,20 @@ from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.compare import compare
-from motor_sysid.diagnosis.evidence import candidate_of
+from motor_sysid.diagnosis.evidence import step_of
 from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
+from motor_sysid.diagnosis.gate import IDLE_CERTAINTY, is_idle
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
 from motor_sysid.diagnosis.polish import polish
 from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
-from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
+from motor_sysid.diagnosis.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.rounds import accounted, explains, refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
+    certainty,
     climb,
     held_at_best,
     Rung,
@@ -39,7 +41,6 @@ from motor_sysid.diagnosis.setup import (
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
-from motor_sysid.diagnosis.where import failure_of
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect
@@ -200,17 +201,23 @@ class _Engine:
             best = winner.rung if worse or vanished(best.model, winner.key) else best
             best = pruned(best, self.bench, self.gains, self.tell)
             rung = self.refine(best)
+        self.settle(ladder, start)
+        return self.conclude(ladder, rivals, doubted=self.doubted(ladder, start))
+
+    def doubted(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> bool:
+        """Whether others explain too much on top of all effects; if of the last alone, it goes."""
         last, trials = ladder[-1]
         own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
-        doubted = doubts(trials, own)
-        if len(last.model.effects) > len(start) + 1 and last.model.effects[-1] in doubted:
-            ladder.pop()
-            doubted = []
-            self.notes.append(
-                f'{effect(last.model.effects[-1]).card.title} would explain a part of what '
-                'remains, but not enough to be named: something else is missing, too'
-            )
-        return self.conclude(ladder, rivals, doubted=len(doubted) == len(own) > 0)
+        found = doubts(trials, own)
+        if len(last.model.effects) <= len(start) + 1 or last.model.effects[-1] not in found:
+            return len(found) == len(own) > 0
+        ladder.pop()
+        self.notes.append(
+            f'{effect(last.model.effects[-1]).card.title} would explain a part of what '
+            'remains, but not enough to be named: something else is missing, too'
+        )
+        self.settle(ladder, start)
+        return False
 
     def round(self, rung: Rung, base: Rung | None) -> tuple[Rung, list[Trial]]:
         """Score every candidate and refit the best; return what they were added to, and them.
@@ -257,6 +264,29 @@ class _Engine:
                 return fitted, further
         return None
 
+    def settle(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> None:
+        """Fit the last model exactly, and take back what then cannot be told from nothing."""
+        while len(ladder) > 1:
+            rung, trials = ladder[-1]
+            last, bench = exact(rung, self.bench)
+            key, before = last.model.effects[-1], ladder[-2][0]
+            further = set(start) < set(before.model.effects) < set(last.model.effects)
+            if further and is_idle(last, before, key):
+                ladder.pop()
+                self.notes.append(
+                    f'{effect(key).card.title} would explain a little more, but its size cannot '
+                    'be told from nothing'
+                )
+                continue
+            if any(certainty(last, one) < IDLE_CERTAINTY for one in last.model.effects):
+                slim = pruned(last, bench, self.gains, self.tell, last=True)
+                if slim is not last:
+                    ladder[-1] = self.round(slim, ladder[0][0])
+                    continue
+            self.bench = bench
+            ladder[-1] = polish(last, bench), trials
+            break
+
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""
         scores = scored(rung, self.bench, self.candidates, self.tell)
@@ -280,9 +310,6 @@ class _Engine:
     ) -> Diagnosis:
         """Give the verdict on a finished ladder."""
         share = self.accounted(ladder)
-        if len(ladder) > 1:
-            last, self.bench = exact(ladder[-1][0], self.bench)
-            ladder[-1] = (polish(last, self.bench), ladder[-1][1])
         final = ladder[-1][0]
         left = self.remainder(final)
         rivals = {
@@ -294,7 +321,9 @@ class _Engine:
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
         steps = tuple(
-            self.step(rung, sorted(trials, key=lambda t: t.key not in added), rivals)
+            step_of(
+                rung, sorted(trials, key=lambda t: t.key not in added), rivals, self.bench
+            )
             for (rung, trials), added in zip(ladder, after, strict=True)
         )
         shown = steps if named else steps[:1]
@@ -338,28 +367,6 @@ class _Engine:
             matched.orders(contrast=STANDS_OUT),
         )
 
-    def step(
-        self, rung: Rung, trials: Sequence[Trial], rivals: Mapping[str, tuple[str, ...]]
-    ) -> Step:
-        """Turn a rung into a line of the report."""
-        predictions = (*rung.training.predictions, *rung.validation.predictions)
-        failure = failure_of(rung.model, self.bench.records, self.bench.roles, predictions)
-        found: list[Candidate] = [
-            candidate_of(t, rung, failure, rivals.get(t.key, ()), self.bench.records)
-            for t in trials
-        ]
-        return Step(
-            model=rung.model,
-            train_error_percent=rung.training.error_percent,
-            validation_error_percent=rung.validation.error_percent,
-            channel_errors=rung.validation.channel_percent,
-            predictions=predictions,
-            where=failure.where,
-            curves=failure.curves,
-            maps=failure.maps,
-            candidates=tuple(found),
-        )
-
 
 def _refuse(train: Sequence[Record], validation: Sequence[Record]) -> None:
     if not train:
@@ -380,8 +387,3 @@ def with_threshold(diagnosis: Diagnosis, threshold: Threshold) -> Diagnosis:
             diagnosis, calibration=threshold, warnings=(*diagnosis.warnings, *said)
         )
     return replace(diagnosis, calibration=threshold, reasons=(*diagnosis.reasons, *said))
-
-
-def with_seconds(diagnosis: Diagnosis, seconds: float) -> Diagnosis:
-    """Return the diagnosis with the time that it took."""
-    return replace(diagnosis, seconds=seconds)

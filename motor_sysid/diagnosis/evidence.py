@@ -1,6 +1,6 @@
-"""From a refitted trial to the candidate that people see, with its evidence curve."""
+"""From rungs and trials to the steps and candidates that people see, with evidence curves."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,12 +10,34 @@ from motor_sysid.diagnosis.drawn import Curve
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal
 from motor_sysid.diagnosis.refit import parameters_of, Trial
 from motor_sysid.diagnosis.residual import lacking_name
-from motor_sysid.diagnosis.result import Candidate
+from motor_sysid.diagnosis.result import Candidate, Step
 from motor_sysid.diagnosis.rung import Rung
-from motor_sysid.diagnosis.where import Failure, mean_in
+from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.where import Failure, failure_of, mean_in
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
+
+
+def step_of(
+    rung: Rung, trials: Sequence[Trial], rivals: Mapping[str, tuple[str, ...]], bench: Bench
+) -> Step:
+    """Turn a rung, with what was tried on it, into a line of the report."""
+    predictions = (*rung.training.predictions, *rung.validation.predictions)
+    failure = failure_of(rung.model, bench.records, bench.roles, predictions)
+    return Step(
+        model=rung.model,
+        train_error_percent=rung.training.error_percent,
+        validation_error_percent=rung.validation.error_percent,
+        channel_errors=rung.validation.channel_percent,
+        predictions=predictions,
+        where=failure.where,
+        curves=failure.curves,
+        maps=failure.maps,
+        candidates=tuple(
+            candidate_of(t, rung, failure, rivals.get(t.key, ()), bench.records) for t in trials
+        ),
+    )
 
 
 def candidate_of(

@@ -259,8 +259,11 @@ def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:
 
 
 def _beside(trial: Trial, rung: Rung) -> Trial:
-    """Return a trial as it was fitted on another model, with the effects of this one added."""
+    """Return a trial as it was fitted on another model, with the effects of this one alone."""
     model = replace(trial.rung.model, speed_sensor=rung.model.speed_sensor)
+    for key in model.effects:
+        if key != trial.key and key not in rung.model.effects:
+            model = model.without_effect(key)
     for key in rung.model.effects:
         if key not in model.effects and model.lacks(effect(key)):
             values = {name: one[0] for name, one in parameters_of(rung.model, key).items()}

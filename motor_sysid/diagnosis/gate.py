@@ -57,6 +57,10 @@ LEAST_CERTAINTY = 9.0
 """Squared number of honest standard errors that an amplitude must be from zero: where errors come
 in bursts, evidence alone counts more than there is."""
 
+IDLE_CERTAINTY = 4.0
+"""The same below which an effect of the last fit, whose noise is taken as it is, may as well be
+nothing: its 95 % interval holds zero."""
+
 SURE, SURE_GAIN = 50.0, 10.0
 """Evidence in units of what is asked for, and fall of the held-out error in percent, with which an
 effect is there even if its amplitude cannot be told from nothing together with all the others: a
@@ -147,6 +151,16 @@ def gone(new: Model, old: Model) -> str:
         if p.logarithmic and p.on_bound and was.sigma < KNOWN * was.value:
             return f'{p.name} ({p.description})'
     return ''
+
+
+def is_idle(rung: Rung, without: Rung, key: str) -> bool:
+    """Whether an effect of the last fit may as well be nothing, by its size and by what it does.
+
+    In the last fit signs are sharper and noise is taken as it is; an effect that passed before may
+    then be one among many values of an inductance, say, that the data do not tell.
+    """
+    gain = 100 * (1 - combined_error(rung.held, without.held))
+    return certainty(rung, key) < IDLE_CERTAINTY and gain < MIN_FURTHER_GAIN_PERCENT
 
 
 def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:

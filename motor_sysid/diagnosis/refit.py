@@ -219,13 +219,19 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
 
 
 def rough_fit(
-    model: Model, weighting: Weighting, bench: Bench, steps: int, *, reweight: int = 1
+    model: Model,
+    weighting: Weighting,
+    bench: Bench,
+    steps: int,
+    *,
+    reweight: int = 1,
+    finest: int = FINER,
 ) -> FitResult:
     """Fit a model to some of the data; to all, where an effect remembers for long.
 
-    What many fine steps tell is left to the judgement of the fit.
+    What steps finer than `finest` to a sample tell is left to the judgement of the fit.
     """
-    chains, substeps = some_of(bench, model), min(bench.substeps, FINER)
+    chains, substeps = some_of(bench, model), min(bench.substeps, finest)
     problem = Problem(model, chains, bench.outputs, substeps=substeps, one_sided=True)
     return fit(problem, weighting, reweight=reweight, iterations=steps, tolerance=ROUGH)
 

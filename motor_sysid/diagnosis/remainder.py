@@ -115,13 +115,17 @@ class Remainder:
         return self.drift > DRIFT
 
     @property
-    def structured(self) -> bool:
-        """Whether something remains that is missing physics and no trifle."""
+    def share(self) -> float:
+        """Share of its square that is missing physics."""
         share = max(self.predictable, self.swing.share if self.swing else 0.0)
         share = max(share, 1.0 - self.unevenness**-2) if self.uneven else share
-        share = max(share, self.drift) if self.drifts else share
-        size = self.error_percent * np.sqrt(share)
-        return bool(self.above_floor and share > STRUCTURE and size > TRIFLE_PERCENT)
+        return max(share, self.drift) if self.drifts else share
+
+    @property
+    def structured(self) -> bool:
+        """Whether something remains that is missing physics and no trifle."""
+        size = self.error_percent * np.sqrt(self.share)
+        return bool(self.above_floor and self.share > STRUCTURE and size > TRIFLE_PERCENT)
 
     @property
     def above_floor(self) -> bool:

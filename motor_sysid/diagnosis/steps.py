@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.moments import with_honest_moments
+from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.rung import climb, FINER, judge, newton_step, Rung, slopes, some_of
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import FitResult
@@ -51,7 +52,8 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     """Refit with sharper signs and finer steps of the integration where they matter.
 
     What smoothing and integration do would count as missing physics; it may be a tenth of the
-    remaining error.  Some of the data tell.  What even these steps do wrong is noted.
+    remaining error.  Some of the data tell, and a better fit to them may ask for more.  What even
+    these steps do wrong is noted.
     """
     some = replace(bench, train=some_of(bench, rung.model))
     model = rung.model
@@ -60,15 +62,20 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
         now, other = _residuals(model, some), _residuals(sharp, some)
         if not _small(_differences(other, now), now):
             model = sharp
-    while True:  # what is left of a better fit may ask for more
+    fitted = rung.model
+    while True:
         steps = _steps(model, some, FINER, _small)
         if steps >= FINER:
             steps = _steps(model, replace(some, substeps=steps), FINEST, _bearable)
-        if steps == bench.substeps and model is rung.model:
-            return rung, replace(bench, wrong=_wrong(rung, some))
-        bench, some = replace(bench, substeps=steps), replace(some, substeps=steps)
-        rung = climb(model, bench, rung.result.weighting)
-        model = rung.model
+        if steps == some.substeps and model is fitted:
+            break
+        some = replace(some, substeps=steps)
+        found = rough_fit(model, rung.result.weighting, some, ROUGH_STEPS, finest=FINEST)
+        model = fitted = found.model
+    if fitted is not rung.model:
+        bench = replace(bench, substeps=some.substeps)
+        rung = climb(model, bench, found.weighting)
+    return rung, replace(bench, wrong=_wrong(rung, some))
 
 
 def _wrong(rung: Rung, bench: Bench) -> float:

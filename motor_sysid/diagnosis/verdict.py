@@ -1,8 +1,11 @@
 """Who wins a round, who does as well, and what a finished ladder says."""
 
 from collections.abc import Mapping, Sequence
+from itertools import pairwise
 
-from motor_sysid.diagnosis.gate import UNCERTAIN, UNPHYSICAL
+import numpy as np
+
+from motor_sysid.diagnosis.gate import gone, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
@@ -146,6 +149,17 @@ def _vague(rung: Rung) -> int:
     return max(len(base) - 1, min(len(said), len(base)))
 
 
+def _least_drop(ladder: Sequence[tuple[Rung, list[Trial]]]) -> float:
+    """Return the least decrease of the squared held-out error, %^2, by any effect of several."""
+    rungs = [rung for rung, _ in ladder]
+    drops = [
+        before.held.error_percent**2 - after.held.error_percent**2
+        for before, after in pairwise(rungs)
+        if set(before.model.effects) < set(after.model.effects)
+    ]
+    return min(drops) if len(drops) > 1 else np.inf
+
+
 def verdict_of(
     ladder: Sequence[tuple[Rung, list[Trial]]],
     left: Remainder,
@@ -159,7 +173,9 @@ def verdict_of(
     does not explain nearly all, something is missing, but not that; nor is it what is named if
     that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
     the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
-    Where base parameters are undetermined, what explains nearly all is named all the same.
+    Of several effects none may take away less than the missing physics that is left, and none may
+    leave nothing of a parameter of the motor that was well known.  Where base parameters are
+    undetermined, what explains nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -178,6 +194,9 @@ def verdict_of(
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
     if doubted and not structured and trifle:
         return Verdict.COMPLETE
-    if (structured and explained < EXPLAINED) or doubted:
+    outweighed = structured and left.share * after > _least_drop(ladder)
+    if (structured and explained < EXPLAINED) or outweighed or doubted:
+        return Verdict.UNKNOWN_EFFECT
+    if gone(final.model, base.model):
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
