@@ -145,17 +145,26 @@ def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
     assert note(model, 'quadratic_drag', gain=11.0, sigmas=0.4, delta=1001.0) == ''
 
 
-@pytest.mark.parametrize(('error', 'sigmas', 'idle'), [(4.9, 0.6, True), (4.9, 0.4, False),
-                                                       (4.0, 0.6, False)])  # fmt: skip
-def test_what_may_be_nothing_in_the_last_fit_and_does_next_to_nothing_is_idle(error, sigmas, idle):
-    model = with_effect('quadratic_drag', {'k_d': 1e-8})
-    spread = np.diag([(sigmas * p.value) ** 2 for p in model.parameters.free])
-
-    def fitted(percent):
+@pytest.mark.parametrize(
+    ('before', 'error', 'sigma', 'idle'),
+    [
+        ('coulomb_friction', 4.8, 0.6, True), ('coulomb_friction', 4.8, 0.4, False),
+        ('coulomb_friction', 4.7, 0.6, False), ('', 4.98, 0.6, True), ('', 4.9, 0.6, False),
+        ('', 4.98, np.inf, True),
+    ],
+)  # fmt: skip
+def test_what_may_be_nothing_in_the_last_fit_and_does_next_to_nothing_is_idle(
+    before, error, sigma, idle
+):
+    """A first effect must bring 1 % of the error, a further one 5 %."""
+    def fitted(model, percent):
         held = SimpleNamespace(channel_percent={'speed': percent})
-        return SimpleNamespace(model=model, held=held, result=SimpleNamespace(covariance=spread))
+        return SimpleNamespace(model=model, held=held)
 
-    assert is_idle(fitted(error), fitted(5.0), 'quadratic_drag') is idle
+    old = with_effect(before, {'tau_c': 1e-3}) if before else Model.base('brushed_dc', MOTOR)
+    model = old.with_effect('quadratic_drag', {'k_d': 1e-8})
+    model = model.with_estimates({}, {'quadratic_drag.k_d': sigma * 1e-8})
+    assert is_idle(fitted(model, error), fitted(old, 5.0), 'quadratic_drag') is idle
 
 
 def test_an_amplitude_counts_for_its_shapes_as_they_are():

@@ -7,7 +7,9 @@ from bench_motor import MOTOR, records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.rounds import unpromised
+from motor_sysid.diagnosis import rounds
+from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNPHYSICAL
+from motor_sysid.diagnosis.rounds import outdone, unpromised
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import make_bench
 from motor_sysid.physics.effects import effect
@@ -45,3 +47,27 @@ def test_a_start_that_is_off_is_no_noise():
         off = one.start @ np.full(one.start.shape[2], 1e3)
         near.append(replace(one, residual=off + 0.1 * rng.normal(size=one.residual.shape)))
     assert score(problem, z, [], near).weighting.sigma == pytest.approx(0.1, rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ('evidence', 'note', 'held', 'expected'),
+    [
+        (511.0, UNPHYSICAL, 9.9, True), (505.0, UNPHYSICAL, 9.9, False),
+        (511.0, NO_EVIDENCE, 9.9, False), (511.0, UNPHYSICAL, 9.4, False),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_and_explains_more_outdoes_what_is_named(
+    monkeypatch, evidence, note, held, expected
+):
+    """What is named gains 500; where it lowers the error from 10 to 9.4 it is not asked."""
+    costs = {'base': (1500.0, 1), 'last': (1000.0, 1)}
+    monkeypatch.setattr(rounds, 'profile_cost', lambda rung, bench, noise: costs[rung.name])
+
+    def fitted(name, percent, count):
+        free = SimpleNamespace(free=range(count))
+        model = SimpleNamespace(parameters=free)
+        return SimpleNamespace(name=name, model=model, held=SimpleNamespace(error_percent=percent))
+
+    trials = [SimpleNamespace(note=note, delta_bic=evidence)]
+    base, last = fitted('base', 10.0, 5), fitted('last', held, 6)
+    assert outdone(trials, base, last, None, None) is expected

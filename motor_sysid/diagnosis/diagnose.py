@@ -11,7 +11,7 @@ from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import step_of
 from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
-from motor_sysid.diagnosis.gate import IDLE_CERTAINTY, is_idle
+from motor_sysid.diagnosis.gate import is_idle, is_told
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
 from motor_sysid.diagnosis.polish import polish
@@ -19,9 +19,8 @@ from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.rounds import accounted, explains, refitted, scored, unseen
+from motor_sysid.diagnosis.rounds import accounted, explains, outdone, refitted, scored, unseen
 from motor_sysid.diagnosis.rung import (
-    certainty,
     climb,
     held_at_best,
     Rung,
@@ -42,6 +41,7 @@ from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import Weighting
 from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
@@ -206,9 +206,11 @@ class _Engine:
 
     def doubted(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> bool:
         """Whether others explain too much on top of all effects; if of the last alone, it goes."""
-        last, trials = ladder[-1]
+        (base, first), (last, trials) = ladder[0], ladder[-1]
         own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
         found = doubts(trials, own)
+        if own and outdone(first, base, last, self.bench, self.weighting(base)):
+            return True
         if len(last.model.effects) <= len(start) + 1 or last.model.effects[-1] not in found:
             return len(found) == len(own) > 0
         ladder.pop()
@@ -270,15 +272,14 @@ class _Engine:
             rung, trials = ladder[-1]
             last, bench = exact(rung, self.bench)
             key, before = last.model.effects[-1], ladder[-2][0]
-            further = set(start) < set(before.model.effects) < set(last.model.effects)
-            if further and is_idle(last, before, key):
+            if set(before.model.effects) < set(last.model.effects) and is_idle(last, before, key):
                 ladder.pop()
                 self.notes.append(
                     f'{effect(key).card.title} would explain a little more, but its size cannot '
                     'be told from nothing'
                 )
                 continue
-            if any(certainty(last, one) < IDLE_CERTAINTY for one in last.model.effects):
+            if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)
                 if slim is not last:
                     ladder[-1] = self.round(slim, ladder[0][0])
@@ -345,8 +346,11 @@ class _Engine:
     def accounted(self, ladder: Sequence[tuple[Rung, list[Trial]]]) -> float:
         """Return the share of what is beyond noise that the last model explains."""
         base, last = ladder[0][0], ladder[-1][0]
-        scores = self.seen[state_of(last.model)][1]
-        return accounted(base, last, self.bench, scores.weighting)
+        return accounted(base, last, self.bench, self.weighting(last))
+
+    def weighting(self, rung: Rung) -> Weighting:
+        """Return the noise model that the whole dictionary leaves on a model that was scored."""
+        return self.seen[state_of(rung.model)][1].weighting
 
     def remainder(self, rung: Rung) -> Remainder:
         """Examine what the model leaves."""

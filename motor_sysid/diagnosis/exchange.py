@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     Level,
+    ONLY_NOISE,
     parameters_of,
     settled,
     settled_pair,
@@ -19,7 +20,7 @@ from motor_sysid.diagnosis.refit import (
     try_effect,
     try_pair,
 )
-from motor_sysid.diagnosis.rounds import ONLY_NOISE, WORKERS
+from motor_sysid.diagnosis.rounds import WORKERS
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench

@@ -57,9 +57,9 @@ LEAST_CERTAINTY = 9.0
 """Squared number of honest standard errors that an amplitude must be from zero: where errors come
 in bursts, evidence alone counts more than there is."""
 
-IDLE_CERTAINTY = 4.0
-"""The same below which an effect of the last fit, whose noise is taken as it is, may as well be
-nothing: its 95 % interval holds zero."""
+TOLD = 2.0
+"""Standard errors of the last fit, whose noise is taken as it is, that an amplitude must be from
+zero: fewer, and its 95 % interval holds zero."""
 
 SURE, SURE_GAIN = 50.0, 10.0
 """Evidence in units of what is asked for, and fall of the held-out error in percent, with which an
@@ -153,14 +153,21 @@ def gone(new: Model, old: Model) -> str:
     return ''
 
 
-def is_idle(rung: Rung, without: Rung, key: str) -> bool:
-    """Whether an effect of the last fit may as well be nothing, by its size and by what it does.
+def is_told(model: Model, key: str) -> bool:
+    """Whether an amplitude of an effect is told from zero, whatever else is not known."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+    return any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
 
-    In the last fit signs are sharper and noise is taken as it is; an effect that passed before may
-    then be one among many values of an inductance, say, that the data do not tell.
+
+def is_idle(rung: Rung, without: Rung, key: str) -> bool:
+    """Whether an effect of the last fit may as well be nothing, and does next to nothing.
+
+    In the last fit signs are sharper and noise is taken as it is.  Where a shape of a law is at
+    the end of what the data show, and its amplitude with it, the law may stand for any other.
     """
     gain = 100 * (1 - combined_error(rung.held, without.held))
-    return certainty(rung, key) < IDLE_CERTAINTY and gain < MIN_FURTHER_GAIN_PERCENT
+    least = MIN_FURTHER_GAIN_PERCENT if without.model.effects else MIN_GAIN_PERCENT
+    return gain < least and not is_told(rung.model, key)
 
 
 def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:

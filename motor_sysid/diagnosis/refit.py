@@ -55,6 +55,12 @@ ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
 
+ONLY_NOISE = 1.02
+"""Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
+
+SURELY_MORE = 1.04
+"""The same from which on a model leaves something for certain: a noise model is that much off."""
+
 MOMENTS_APART = 100
 """Moments of a record that can be told apart: what matters lasts a hundredth of it."""
 
@@ -289,6 +295,7 @@ def _judged(
     steady = steadiness(rung.held, new.held)
     share = (level.cost - after) / max(level.cost - rows, 1e-300)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
+    small = small and (not rung.model.effects or level.cost > SURELY_MORE * rows)
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
     mends = after < MENDED * rows and level.cost > TORN * rows

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from motor_sysid.diagnosis.gate import ALIKE, UNPHYSICAL
+from motor_sysid.diagnosis.gate import ALIKE, MIN_FURTHER_GAIN_PERCENT, UNPHYSICAL
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     Level,
+    ONLY_NOISE,
     settled,
+    SURELY_MORE,
     Trial,
     try_roughly,
     try_thoroughly,
@@ -20,7 +22,13 @@ from motor_sysid.diagnosis.rung import profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.variants import variants
-from motor_sysid.diagnosis.verdict import NEARLY_ALL, related, winner_of
+from motor_sysid.diagnosis.verdict import (
+    NEARLY_ALL,
+    related,
+    RIVAL_BIC,
+    RIVAL_SHARE,
+    winner_of,
+)
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.signals.noise import noise_sigmas
@@ -29,12 +37,6 @@ Tell = Callable[[str], None]
 
 WORKERS = 2
 """Refits that may run at the same time; what they find does not depend on it."""
-
-ONLY_NOISE = 1.02
-"""Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
-
-SURELY_MORE = 1.04
-"""The same from which on a model leaves something for certain: a noise model is that much off."""
 
 LOST, THOROUGH = 5.0, 3
 """Held-out error in units of the sensor noise from which on, if nothing passes, so many effects
@@ -168,3 +170,22 @@ def accounted(base: Rung, last: Rung, bench: Bench, weighting: Weighting) -> flo
     after, rows = profile_cost(last, bench, weighting)
     gained, left = max(before - after, 0.0), max(after - SURELY_MORE * rows, 0.0)
     return gained / max(gained + left, 1e-300)
+
+
+def outdone(
+    trials: Sequence[Trial], base: Rung, last: Rung, bench: Bench, weighting: Weighting
+) -> bool:
+    """Whether what cannot be, for its sign, has more evidence than all that is named together.
+
+    `trials` were tried on `base` under the noise model `weighting`.  Of single causes the truth has
+    most evidence, and one with the wrong sign is none.  Where the error falls by much, that speaks
+    for itself, and the promise of a small touch says little.
+    """
+    if last.held.error_percent < (1 - MIN_FURTHER_GAIN_PERCENT / 100) * base.held.error_percent:
+        return False
+    before, rows = profile_cost(base, bench, weighting)
+    after, _ = profile_cost(last, bench, weighting)
+    extra = len(last.model.parameters.free) - len(base.model.parameters.free)
+    gain = before - after - extra * float(np.log(rows))
+    most = max((t.delta_bic for t in trials if t.note == UNPHYSICAL), default=-np.inf)
+    return most > gain + max(RIVAL_BIC, RIVAL_SHARE * gain)
