@@ -177,9 +177,9 @@ def outdone(
 ) -> bool:
     """Whether what cannot be, for its sign, has more evidence than all that is named together.
 
-    `trials` were tried on `base` under the noise model `weighting`.  Of single causes the truth has
-    most evidence, and one with the wrong sign is none.  Where the error falls by much, that speaks
-    for itself, and the promise of a small touch says little.
+    `trials` were tried on `base` under the noise model `weighting`.  Of single causes the true one
+    has most evidence.  Where the error falls by much, that speaks for itself, and the promise of a
+    small touch says little.
     """
     if last.held.error_percent < (1 - MIN_FURTHER_GAIN_PERCENT / 100) * base.held.error_percent:
         return False
