@@ -8,8 +8,9 @@ import pytest
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Settings, Verdict
-from motor_sysid.diagnosis.ahead import hopeful, stands, STEPS
+from motor_sysid.diagnosis.ahead import hopeful, second_of, stands, STEPS
 from motor_sysid.diagnosis.gate import TOO_LITTLE, UNPHYSICAL, UNSTEADY
+from motor_sysid.physics.effects import effect
 
 THRESHOLD = 20.0
 
@@ -48,6 +49,18 @@ def test_two_steps_must_stand_all_tests_together(second, expected):
     old = trial(0.0)
     old.rung.model.parameters = ()
     assert stands(second, old.rung) is expected
+
+
+def test_what_held_out_data_refuse_counts_if_both_together_stand():
+    """After the first step alone the error was larger; both lower it to half."""
+    old = trial(0.0)
+    old.rung.model.parameters = ()
+    both, neither = trial(1e5, UNSTEADY, error=0.5), trial(2e5, UNPHYSICAL, error=0.4)
+    for one in (both, neither):
+        variant = SimpleNamespace(effect=effect('quadratic_drag'), inherits=False)
+        one.key, one.scored, one.passes = 'quadratic_drag', SimpleNamespace(variant=variant), False
+    assert second_of([neither, both], old.rung) is both
+    assert second_of([neither], old.rung) is None
 
 
 @pytest.fixture(scope='module')

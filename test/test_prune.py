@@ -4,7 +4,7 @@ from bench_motor import records
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis.prune import narrowed, pruned
+from motor_sysid.diagnosis.prune import narrowed, numbered, pruned
 from motor_sysid.diagnosis.rung import climb
 from motor_sysid.physics.model import SpeedSensor
 
@@ -47,3 +47,16 @@ def test_a_special_case_takes_the_place_and_the_mean_of_what_it_narrows():
     assert slim.effects == ('coulomb_friction', 'brush_voltage_drop')
     assert slim['coulomb_friction.tau_c'] == pytest.approx(TAU)
     assert slim['brush_voltage_drop.v_b'] == model['brush_voltage_drop.v_b']
+
+
+def test_what_is_left_of_several_waves_is_numbered_from_the_first():
+    rung, bench = fitted({'coulomb_friction': {'tau_c': TAU}})
+    wave = {'a_1': 1e-3, 'b_1': 2e-3, 'a_2': 0.0, 'b_2': 1e-4, 'n': 40.0}
+    model = rung.model
+    for key in ('cogging_torque', 'cogging_torque_2'):
+        model = model.with_effect(key, wave, bench.scales)
+    left = numbered(model.without_effect('cogging_torque'), bench.scales)
+    assert left.effects == (*rung.model.effects, 'cogging_torque')
+    assert left['cogging_torque.b_1'] == 2e-3
+    assert left['cogging_torque.n'] == 40.0
+    assert numbered(model, bench.scales) is model

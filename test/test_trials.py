@@ -12,9 +12,8 @@ from motor_sysid.diagnosis import diagnose, refit
 from motor_sysid.diagnosis.moments import with_honest_moments
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
-    Level,
-    searching,
-    Trial,
+    of_a_kind,
+    try_beside,
     try_effect,
     try_thoroughly,
 )
@@ -22,6 +21,7 @@ from motor_sysid.diagnosis.rounds import scored
 from motor_sysid.diagnosis.rung import climb, held_at_best, judge, lost, Rung
 from motor_sysid.diagnosis.setup import Bench, make_bench, with_scales
 from motor_sysid.diagnosis.steps import exact
+from motor_sysid.diagnosis.trial import Level, searching, Trial
 from motor_sysid.estimation.batch import (
     fit,
     Linearization,
@@ -277,3 +277,18 @@ def test_a_fit_in_full_begins_with_blunt_signs_and_ends_with_sharp_ones():
     assert trial.passes
     assert trial.rung.model['omega_eps'] == 0.05
     assert trial.rung.model['coulomb_friction.tau_c'] == pytest.approx(6e-3, rel=0.05)
+
+
+def test_a_fit_that_went_astray_begins_again_where_one_of_its_kind_ended():
+    """Brushes and dead time push the same voltage by the sign of the current."""
+    data = records({'brush_voltage_drop': {'v_b': 1.0}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, base = prepared(data, SpeedSensor.DIFFERENCE)
+    brushes, level = refitted('brush_voltage_drop', bench, base)
+    other, _ = refitted('inverter_dead_time', bench, base)
+    assert of_a_kind(brushes, other)
+    assert not of_a_kind(brushes, refitted('coulomb_friction', bench, base)[0])
+    astray = replace(brushes, delta_bic=0.0, rung=base)
+    again = try_beside(astray, other, level, bench)
+    assert again.passes
+    assert again.delta_bic == pytest.approx(brushes.delta_bic, rel=0.01)
+    assert try_beside(replace(brushes, delta_bic=1e9), other, level, bench).delta_bic == 1e9

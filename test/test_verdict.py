@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
-from motor_sysid.diagnosis.refit import searching, Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
+from motor_sysid.diagnosis.trial import searching, Trial
 from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect

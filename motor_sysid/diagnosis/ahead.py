@@ -17,9 +17,9 @@ from motor_sysid.diagnosis.gate import (
     steadiness,
     SURE,
 )
-from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.rung import Rung
-from motor_sysid.diagnosis.verdict import AT_NOISE
+from motor_sysid.diagnosis.trial import Trial
+from motor_sysid.diagnosis.verdict import AT_NOISE, winner_of
 
 STEPS = 2
 """Trials, best evidence first, from which a step ahead is made."""
@@ -30,6 +30,19 @@ def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
     sure = [t for t in trials if t.delta_bic > SURE * threshold]
     found = [t for t in sure if t.note.startswith(HELD_BACK)]
     return sorted(found, key=lambda t: -t.delta_bic)[:STEPS]
+
+
+def second_of(further: Sequence[Trial], old: Rung) -> Trial | None:
+    """Return what wins on top of a step ahead of `old`, if the two together stand all tests.
+
+    On the way there the error may have risen, so that what held-out data alone refuse counts, too.
+    """
+    passing = [t for t in further if t.passes]
+    refused = [t for t in further if t.note.startswith(HELD_BACK)]
+    for trials in (passing, refused):
+        if trials and stands(winner_of(trials), old):
+            return winner_of(trials)
+    return None
 
 
 def stands(second: Trial, old: Rung) -> bool:

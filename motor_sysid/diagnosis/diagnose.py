@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from motor_sysid.diagnosis.ahead import hopeful, stands
+from motor_sysid.diagnosis.ahead import hopeful, second_of
 from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.calibration.calibration import Calibration, threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
@@ -16,7 +16,6 @@ from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
 from motor_sysid.diagnosis.polish import polish
 from motor_sysid.diagnosis.prune import pruned
-from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.rounds import accounted, explains, outdone, refitted, scored, unseen
@@ -39,6 +38,7 @@ from motor_sysid.diagnosis.setup import (
 )
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
+from motor_sysid.diagnosis.trial import Trial
 from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import Weighting
@@ -259,11 +259,11 @@ class _Engine:
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
             fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
             fitted, further = self.round(fitted, base)
-            passing = [t for t in further if t.passes]
-            if passing and stands(winner_of(passing), rung):
+            second = second_of(further, rung)
+            if second is not None:
                 self.gains[first.key] = first.delta_bic
                 rivals[first.key] = rivals_of(first, possible[k:])
-                return fitted, further
+                return fitted, [replace(t, note='') if t is second else t for t in further]
         return None
 
     def settle(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> None:

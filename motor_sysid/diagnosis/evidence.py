@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.drawn import Curve
 from motor_sysid.diagnosis.lacking import Lack, lack_of, orthogonal
-from motor_sysid.diagnosis.refit import parameters_of, Trial
+from motor_sysid.diagnosis.refit import parameters_of
 from motor_sysid.diagnosis.residual import lacking_name
 from motor_sysid.diagnosis.result import Candidate, Step
 from motor_sysid.diagnosis.rung import Rung
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.trial import Trial
 from motor_sysid.diagnosis.where import Failure, failure_of, mean_in
 from motor_sysid.signals.record import Record
 

@@ -11,12 +11,9 @@ from motor_sysid.diagnosis.apart import Compared
 from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
-    Level,
-    ONLY_NOISE,
     parameters_of,
     settled,
     settled_pair,
-    Trial,
     try_effect,
     try_pair,
 )
@@ -24,6 +21,7 @@ from motor_sysid.diagnosis.rounds import WORKERS
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, Trial
 from motor_sysid.diagnosis.verdict import margin_of, may_rival, RIVAL_BIC, RIVAL_SHARE
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
 from motor_sysid.diagnosis.drawn import Where
 from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, Level, Trial, try_effect
+from motor_sysid.diagnosis.refit import best_per_effect, try_effect
 from motor_sysid.diagnosis.rung import climb, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.score import score
 from motor_sysid.diagnosis.setup import (
@@ -18,6 +18,7 @@ from motor_sysid.diagnosis.setup import (
     with_scales,
 )
 from motor_sysid.diagnosis.steps import exact
+from motor_sysid.diagnosis.trial import Level, Trial
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (

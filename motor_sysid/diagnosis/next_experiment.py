@@ -3,9 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from motor_sysid.diagnosis.experiment import suggest_experiment
-from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
+from motor_sysid.diagnosis.trial import Trial
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
+from motor_sysid.diagnosis.refit import parameters_of, rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.rung import certainty, climb, FINER, profile_cost, Rung, some_of
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch.least_squares import normal_equations
@@ -50,8 +50,10 @@ def pruned(
         like it.
     """
     for key in rung.model.effects if last else rung.model.effects[:-1]:
+        if key not in rung.model.effects:
+            continue
         if certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
-            slim = _simpler(rung, rung.model.without_effect(key), bench)
+            slim = _simpler(rung, numbered(rung.model.without_effect(key), bench.scales), bench)
             if slim is not rung:
                 tell(f'dropping {key}: no longer needed')
                 rung = slim
@@ -66,6 +68,18 @@ def pruned(
                 rung = slim
                 break
     return rung
+
+
+def numbered(model: Model, scales: Scales) -> Model:
+    """Return the model with what it may hold several times numbered from the first."""
+    for key in model.effects:
+        first = effect(key).after
+        if first and first not in model.effects:
+            values = {name: value for name, (value, *_) in parameters_of(model, key).items()}
+            order = tuple(first if one == key else one for one in model.effects)
+            moved = model.without_effect(key).with_effect(first, values, scales)
+            return numbered(replace(moved, effects=order), scales)
+    return model
 
 
 def narrowed(model: Model, key: str, special: str, scales: Scales) -> Model:

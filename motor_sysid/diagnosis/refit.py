@@ -1,51 +1,32 @@
 """Add an effect, refit, and ask whether the gain is real."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.gate import (
-    combined_error,
-    DEEP,
-    DEEP_SHARE,
-    gate_note,
-    INEXACT,
-    is_certain,
-    MENDED,
-    MIN_FURTHER_SHARE,
-    MIN_SHARE,
-    misfit_of_laws,
-    NO_EVIDENCE,
-    steadiness,
-    TORN,
-    UNPHYSICAL,
-)
-from motor_sysid.diagnosis.matched import TOP_ORDER
+from motor_sysid.diagnosis.gate import UNPHYSICAL
 from motor_sysid.diagnosis.rung import (
     climb,
     FINER,
     judge,
     lost,
-    profile_cost,
     Rung,
-    slopes,
     some_of,
 )
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.trial import judged, Level, Trial
 from motor_sysid.estimation.batch import (
     fit,
     FitResult,
-    Linearization,
     misfit,
     Problem,
     Weighting,
     white,
 )
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
-from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -55,106 +36,12 @@ ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
 
-ONLY_NOISE = 1.02
-"""Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
-
-SURELY_MORE = 1.04
-"""The same from which on a model leaves something for certain: a noise model is that much off."""
-
-MOMENTS_APART = 100
-"""Moments of a record that can be told apart: what matters lasts a hundredth of it."""
-
 USUAL = 0.2
 """Amplitude in units of its scale from which a fit in full begins as well."""
 
 MANY, STARTS, WORTH = 4, 3, 0.5
 """Variants above which an effect is refitted from several of them, how many at most, and what
 share of the best one's promise they must make."""
-
-
-@dataclass(frozen=True)
-class Trial:
-    """A candidate after its refit.
-
-    Attributes
-    ----------
-    scored:
-        The score that it was chosen by.
-    rung:
-        The fitted model.
-    delta_bic:
-        Gain in BIC under the noise model that the whole dictionary leaves.
-    gain_percent:
-        Relative decrease of the held-out error.
-    steady:
-        Steadiness of that decrease over held-out blocks, 0 to 1; see `MIN_STEADY`.
-    note:
-        Why it does not pass, or empty.
-    excess:
-        Whitened variance that the refit leaves, in units of the noise; 1 where only noise is left.
-    """
-
-    scored: Scored
-    rung: Rung
-    delta_bic: float
-    gain_percent: float
-    steady: float
-    note: str
-    excess: float
-
-    @property
-    def key(self) -> str:
-        """Key of the effect."""
-        return self.scored.variant.effect.key
-
-    @property
-    def passes(self) -> bool:
-        """Whether every gate was passed."""
-        return not self.note
-
-
-@dataclass(frozen=True)
-class Level:
-    """What a refit is compared with: the model without the effect, under the same noise model.
-
-    Attributes
-    ----------
-    rung:
-        The fitted model.
-    weighting:
-        The noise model that the whole dictionary leaves on it.
-    cost, rows:
-        Least whitened sum of squares of the model under that noise model, and its rows.  The model
-        was fitted under a noise model of its own, which more must not be counted for an effect.
-    explained:
-        Decrease of that sum of squares by the effects that the model has.
-    """
-
-    rung: Rung
-    weighting: Weighting
-    cost: float
-    rows: int
-    explained: float = 0.0
-
-    @classmethod
-    def of(
-        cls, rung: Rung, bench: Bench, weighting: Weighting, base: Rung | None = None
-    ) -> 'Level':
-        """Take the level of a fitted model; `base` is the fit that had no effects yet."""
-        near = slopes(rung, bench)
-        again = climb(rung.model, bench, weighting, briefly=True, near=near)
-        costs = [profile_cost(one, bench, weighting) for one in (rung, again)]
-        cost = min(cost if np.isfinite(cost) else np.inf for cost, _ in costs)
-        if base is None or base.model.effects == rung.model.effects:
-            return cls(rung, weighting, cost, costs[0][1])
-        before, _ = profile_cost(base, bench, weighting)
-        return cls(rung, weighting, cost, costs[0][1], before - cost)
-
-    def gain(self, new: Rung, bench: Bench) -> float:
-        """Return the gain in BIC of a fitted model with more parameters."""
-        extra = len(new.model.parameters.free) - len(self.rung.model.parameters.free)
-        after, _ = profile_cost(new, bench, self.weighting)
-        return self.cost - after - extra * float(np.log(self.rows))
 
 
 def try_effect(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
@@ -189,7 +76,34 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
             fits.append(begun(one, replace(model, speed_sensor=sensor)))
     one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
     rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
-    return _judged(one, _standing(rough, bench), level, bench)
+    return judged(one, _standing(rough, bench), level, bench)
+
+
+def try_beside(trial: Trial, other: Trial, level: Level, bench: Bench) -> Trial:
+    """Fit an effect from where the fit of another one of its kind ended; return the better fit.
+
+    The motor's own parameters may have gone far astray without either, and a sharp law has many
+    valleys on the way back.
+    """
+    model, mine = trial.scored.variant.model, trial.scored.variant.effect.card.amplitudes[0]
+    theirs = other.scored.variant.effect.card.amplitudes[0]
+    model = _opened(model, level.rung.model, trial.scored)
+    found, size = other.rung.model, model.parameters[f'{trial.key}.{mine.name}']
+    values = {p.name: found[p.name] for p in level.rung.model.parameters.free}
+    values[size.name] = float(np.clip(found[f'{other.key}.{theirs.name}'], size.lower, size.upper))
+    model = replace(model.with_values(values), speed_sensor=found.speed_sensor)
+    rough = rough_fit(model, other.rung.result.weighting, bench, ROUGH_STEPS)
+    again = judged(trial.scored, _standing(rough, bench), level, bench)
+    return again if again.delta_bic > trial.delta_bic else trial
+
+
+def of_a_kind(one: Trial, other: Trial) -> bool:
+    """Whether the effects of two trials push the same equation by a law of the same thing."""
+    first, second = one.scored.variant, other.scored.variant
+    mine, theirs = first.effect.card, second.effect.card
+    alike = mine.axis == theirs.axis and mine.amplitudes[0].unit == theirs.amplitudes[0].unit
+    same = set(first.effect.laws) & set(second.effect.laws)
+    return bool(alike and same) and not (first.inherits or second.inherits)
 
 
 def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
@@ -212,7 +126,7 @@ def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
     ]
     best = min(fits, key=misfit)
     new = climb(best.model.with_values(widths), bench, best.weighting)
-    return _judged(start, replace(new, near=()), level, bench, new.near)
+    return judged(start, replace(new, near=()), level, bench, new.near)
 
 
 def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
@@ -221,7 +135,7 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
         return trial
     rough = trial.rung
     new = climb(rough.model, bench, rough.result.weighting, briefly=True, near=rough.near)
-    return _judged(trial.scored, replace(new, near=()), level, bench, new.near)
+    return judged(trial.scored, replace(new, near=()), level, bench, new.near)
 
 
 def rough_fit(
@@ -274,52 +188,6 @@ def settled_pair(new: Rung, level: Level, bench: Bench) -> tuple[Rung, float]:
     """Fit a pair to all of the data; return the fit and its gain in BIC."""
     new = climb(new.model, bench, new.result.weighting, briefly=True, near=new.near)
     return new, level.gain(new, bench)
-
-
-def _judged(
-    scored: Scored,
-    new: Rung,
-    level: Level,
-    bench: Bench,
-    near: Sequence[Linearization] = (),
-) -> Trial:
-    """Pass a refit through the gates; `near` if the refit does not hold its own."""
-    rung, rows = level.rung, level.rows
-    if not np.isfinite(new.result.cost + new.held.error_percent):
-        return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
-    kept = replace(new, near=tuple(near)) if near else new
-    after, _ = profile_cost(kept, bench, level.weighting)
-    delta = level.gain(kept, bench)
-    delta -= searching(scored.variant.effect, rows // len(bench.outputs))
-    gain = 100 * (1 - combined_error(new.held, rung.held))
-    steady = steadiness(rung.held, new.held)
-    share = (level.cost - after) / max(level.cost - rows, 1e-300)
-    small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
-    small = small and (not rung.model.effects or level.cost > SURELY_MORE * rows)
-    certain = small and is_certain(rung.held, new.held, level.weighting)
-    deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
-    mends = after < MENDED * rows and level.cost > TORN * rows
-    inexact = max(
-        misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
-    )
-    threshold = max(bench.threshold, inexact)
-    note = gate_note(
-        scored, new, rung, delta, gain, steady, certain, deep, threshold, mends=mends
-    )
-    if note == NO_EVIDENCE and delta > bench.threshold:
-        note = INEXACT
-    return Trial(scored, new, delta, gain, steady, note, after / rows)
-
-
-def searching(one: Effect, samples: int) -> float:
-    """Return the price in BIC of a shape that was looked for everywhere: twice the log of where.
-
-    Noise alone makes some wave stand out of thousands.
-    """
-    card = one.card
-    places = TOP_ORDER if card.orders else 1
-    places *= samples // 2 if card.frequency else MOMENTS_APART if card.moment else 1
-    return 2.0 * float(np.log(places))
 
 
 def _impossible(scored: Scored) -> bool:

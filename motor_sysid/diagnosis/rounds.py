@@ -10,17 +10,16 @@ from motor_sysid.diagnosis.gate import ALIKE, MIN_FURTHER_GAIN_PERCENT, UNPHYSIC
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
-    Level,
-    ONLY_NOISE,
+    of_a_kind,
     settled,
-    SURELY_MORE,
-    Trial,
+    try_beside,
     try_roughly,
     try_thoroughly,
 )
 from motor_sysid.diagnosis.rung import profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import (
     NEARLY_ALL,
@@ -108,6 +107,13 @@ def refitted(
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
         if not any(trial.passes for trial in trials) and is_lost(rung, bench, base):
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
+        best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
+        if best is not None and best.rung is not rung:
+            others = [t for t in trials if t is not best and of_a_kind(t, best)]
+            mended = dict(zip((t.key for t in others), pool.map(
+                lambda t: try_beside(t, best, level, bench), others
+            ), strict=True))  # fmt: skip
+            trials = [mended.get(t.key, t) for t in trials]
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
         winner = winner_of(passing) if passing else None

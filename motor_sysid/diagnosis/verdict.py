@@ -6,10 +6,10 @@ from itertools import pairwise
 import numpy as np
 
 from motor_sysid.diagnosis.gate import gone, UNCERTAIN, UNPHYSICAL
-from motor_sysid.diagnosis.refit import Trial
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
+from motor_sysid.diagnosis.trial import Trial
 from motor_sysid.physics.effects import effect
 
 RIVAL_BIC = 10.0
