@@ -319,6 +319,20 @@ def remaining(count, error, drive=None, reference=None):
     return examine_remainder(('speed',), runs[0], runs[1], runs[1], tuple(chains), (False,), ())
 
 
+@pytest.mark.parametrize(('beyond', 'structured'), [(0.9, False), (1.1, True)])
+def test_physics_in_one_output_is_not_as_large_as_the_noise_of_another(beyond, structured):
+    """The current has all of the 4 % that remain, half of the speed's can be predicted."""
+    left = Remainder({}, 3.9, 4.0, 2.0, 0.5, beyond_percent=beyond)
+    assert left.structured is structured
+
+
+def test_what_is_beyond_noise_is_taken_of_each_output():
+    left = remaining(12_000, slow_noise(12_000))
+    assert left.beyond_percent < left.error_percent
+    floor = left.error_percent**2 - left.beyond_percent**2
+    assert floor == pytest.approx(left.floor_percent**2, rel=1e-6)
+
+
 def slow_noise(count):
     """Return noise that lasts some samples: beyond what a sensor makes, and not the motor's."""
     rng, noise = np.random.default_rng(9), np.zeros(count)

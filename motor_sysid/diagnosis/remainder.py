@@ -88,6 +88,9 @@ class Remainder:
         How many times larger it is in one record than in another.
     drift:
         Share of the squared error of a record that is slower than half of it.
+    beyond_percent:
+        The error that remains when the noise of each sensor is taken out of its own output,
+        combined over outputs: one output may have all of the noise, another all of the physics.
     """
 
     floor: dict[str, float]
@@ -98,6 +101,7 @@ class Remainder:
     swing: Swing | None = None
     unevenness: float = 1.0
     drift: float = 0.0
+    beyond_percent: float = np.inf
 
     @property
     def swings(self) -> bool:
@@ -124,7 +128,7 @@ class Remainder:
     @property
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
-        size = self.error_percent * np.sqrt(self.share)
+        size = min(self.error_percent * np.sqrt(self.share), self.beyond_percent)
         return bool(self.above_floor and self.share > STRUCTURE and size > TRIFLE_PERCENT)
 
     @property
@@ -173,6 +177,7 @@ def examine_remainder(
         swing_of(training, held, chains),
         unevenness_of(training, held, chains, noise),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
+        float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
     )
 
 
