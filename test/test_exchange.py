@@ -90,6 +90,22 @@ def test_a_rival_that_gets_ahead_takes_the_place(monkeypatch, ahead, keys, left)
     assert rivals == left
 
 
+def test_what_only_the_training_data_speak_for_takes_no_place_and_is_no_rival(monkeypatch):
+    engine, rung = exchange_of()
+
+    def runs_worse(self, key, level, scores, gain):
+        trial, _ = refitted('asymmetric_coulomb_friction', engine.bench, level.rung)
+        held = replace(rung.held, error_percent=1.03 * rung.held.error_percent)
+        yield replace(trial, delta_bic=2 * gain, rung=replace(trial.rung, held=held))
+
+    monkeypatch.setattr(exchange, 'ONLY_NOISE', 0.0)
+    monkeypatch.setattr(Exchange, 'substitutes', runs_worse)
+    monkeypatch.setattr(Exchange, 'best_pair', lambda *_: None)
+    rivals: dict[str, tuple[str, ...]] = {}
+    assert engine.better(rung, (), rivals) is None
+    assert rivals == {}
+
+
 @pytest.mark.parametrize(('share', 'taken'), [(0.97, False), (0.93, True)])
 def test_a_pair_that_only_adds_an_effect_must_help_as_a_further_one(monkeypatch, share, taken):
     """Here what takes the place of dry friction holds it: it must bring 5 %."""

@@ -11,7 +11,7 @@ from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import step_of
 from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
-from motor_sysid.diagnosis.gate import is_idle, is_told
+from motor_sysid.diagnosis.gate import is_idle, is_told, SPOILED
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
 from motor_sysid.diagnosis.polish import polish
@@ -22,6 +22,7 @@ from motor_sysid.diagnosis.rounds import accounted, explains, outdone, refitted,
 from motor_sysid.diagnosis.rung import (
     climb,
     held_at_best,
+    profile_cost,
     Rung,
     slopes,
     vanished,
@@ -38,7 +39,7 @@ from motor_sysid.diagnosis.setup import (
 )
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
-from motor_sysid.diagnosis.trial import Trial
+from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
 from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import Weighting
@@ -49,10 +50,6 @@ from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
-
-SPOILED = 1.02
-"""Held-out error after the full fit of a winner, over that after its trial, from which on the
-trial counts: the fit ran off along what the training data do not tell."""
 
 MIN_SAMPLES = 200
 
@@ -252,8 +249,12 @@ class _Engine:
     ) -> tuple[Rung, list[Trial]] | None:
         """Return a fit with an effect that does not pass alone, and what passes on top of it.
 
-        What else does as well as that effect is noted in `rivals`.
+        What else does as well as that effect is noted in `rivals`.  No step is made from a model
+        that leaves nothing for certain.
         """
+        cost, rows = profile_cost(rung, self.bench, self.weighting(rung))
+        if cost < SURELY_MORE * rows:
+            return None
         possible = hopeful(trials, self.bench.threshold)
         for k, first in enumerate(possible):
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.apart import Compared
-from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT, SPOILED
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     parameters_of,
@@ -99,6 +99,8 @@ class Exchange:
             mine = level.gain(rung, self.bench)
             if len(own) > 1:
                 for trial in self.substitutes(key, level, scores, mine):
+                    if _spoils(trial.rung, rung):
+                        continue
                     if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
                         return self.exchanged(key, trial, rung)
                     if trial.key not in rivals.get(key, ()):
@@ -132,7 +134,7 @@ class Exchange:
                 for name, trial in trials.items()
                 if trial is None or (may_rival(trial) and trial.delta_bic > mine - margin)
             )
-            found = [t for t in trials.values() if t is not None and t.passes]
+            found = [t for t in trials.values() if t and t.passes and not _spoils(t.rung, rung)]
             ahead += [(t.delta_bic - mine, key, t) for t in found if t.delta_bic > mine + margin]
         if not ahead:
             return None
@@ -246,6 +248,11 @@ class Exchange:
                 trial = self.trial(name, level, scores)
                 if trial and trial.passes and trial.delta_bic > gain - RIVAL_BIC:
                     yield trial
+
+
+def _spoils(other: Rung, rung: Rung) -> bool:
+    """Whether another fit does worse on held-out data, whatever the training data say of it."""
+    return other.held.error_percent > SPOILED * rung.held.error_percent
 
 
 def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:

@@ -102,7 +102,7 @@ def of_a_kind(one: Trial, other: Trial) -> bool:
     first, second = one.scored.variant, other.scored.variant
     mine, theirs = first.effect.card, second.effect.card
     alike = mine.axis == theirs.axis and mine.amplitudes[0].unit == theirs.amplitudes[0].unit
-    same = set(first.effect.laws) & set(second.effect.laws)
+    same = one.key != other.key and set(first.effect.laws) & set(second.effect.laws)
     return bool(alike and same) and not (first.inherits or second.inherits)
 
 

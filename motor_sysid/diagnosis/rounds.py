@@ -109,7 +109,7 @@ def refitted(
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
         best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
         if best is not None and best.rung is not rung:
-            others = [t for t in trials if t is not best and of_a_kind(t, best)]
+            others = [t for t in trials if of_a_kind(t, best) and not related(t, best)]
             mended = dict(zip((t.key for t in others), pool.map(
                 lambda t: try_beside(t, best, level, bench), others
             ), strict=True))  # fmt: skip
