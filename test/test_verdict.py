@@ -9,7 +9,14 @@ from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.trial import searching, Trial
-from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
+from motor_sysid.diagnosis.verdict import (
+    doubts,
+    holds_its_own,
+    may_rival,
+    rivals_of,
+    verdict_of,
+    winner_of,
+)
 from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.parameters import Parameter, ParameterSet
@@ -159,6 +166,18 @@ def test_a_further_set_of_waves_casts_no_doubt_on_the_first():
 )
 def test_wider_and_narrower_forms_cast_no_doubt(named, other):
     assert doubts([trial(other, 900.0)], {named: 1000.0}) == []
+
+
+@pytest.mark.parametrize(('gain', 'note', 'holds'), [(7.9, '', True), (8.1, '', False),
+                                                     (8.1, UNPHYSICAL, True)])  # fmt: skip
+def test_what_lowers_the_error_by_much_holds_its_own_against_what_does_not(gain, note, holds):
+    """The last effect took away 40 % of the held-out error: a fifth of that is 8 %."""
+    def fitted(percent):
+        return SimpleNamespace(held=SimpleNamespace(channel_percent={'speed': percent}))
+
+    on_top = [trial('quadratic_drag', 900.0, gain=-3.0),
+              trial('cogging_torque', 900.0, gain=gain, note=note)]  # fmt: skip
+    assert holds_its_own(fitted(6.0), fitted(10.0), on_top) is holds
 
 
 # --- what a ladder comes to

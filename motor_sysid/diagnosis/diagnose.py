@@ -35,13 +35,20 @@ from motor_sysid.diagnosis.setup import (
     choose_kind,
     make_bench,
     prepared_parts,
+    refuse_short,
     with_scales,
 )
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
-from motor_sysid.diagnosis.verdict import doubts, may_rival, rivals_of, verdict_of, winner_of
-from motor_sysid.errors import UserError
+from motor_sysid.diagnosis.verdict import (
+    doubts,
+    holds_its_own,
+    may_rival,
+    rivals_of,
+    verdict_of,
+    winner_of,
+)
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect
@@ -50,8 +57,6 @@ from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
 
 Progress = Callable[[str], None]
-
-MIN_SAMPLES = 200
 
 
 @dataclass(frozen=True)
@@ -117,7 +122,7 @@ def diagnose(
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
     records, held = prepared_parts(train, validation, wanted, known)
-    _refuse(records, held)
+    refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     tell(f'fitting a linear {kind.title}')
@@ -208,7 +213,8 @@ class _Engine:
         found = doubts(trials, own)
         if own and outdone(first, base, last, self.bench, self.weighting(base)):
             return True
-        if len(last.model.effects) <= len(start) + 1 or last.model.effects[-1] not in found:
+        further = len(last.model.effects) > len(start) + 1 and last.model.effects[-1] in found
+        if not further or holds_its_own(last, ladder[-2][0], trials):
             return len(found) == len(own) > 0
         ladder.pop()
         self.notes.append(
@@ -371,17 +377,6 @@ class _Engine:
             self.bench.differenced(rung.model),
             matched.orders(contrast=STANDS_OUT),
         )
-
-
-def _refuse(train: Sequence[Record], validation: Sequence[Record]) -> None:
-    if not train:
-        raise UserError('no training record; give at least one')
-    for record in (*train, *validation):
-        if len(record) < MIN_SAMPLES:
-            raise UserError(
-                f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
-                f'needs at least {MIN_SAMPLES}, better 5000'
-            )
 
 
 def with_threshold(diagnosis: Diagnosis, threshold: Threshold) -> Diagnosis:

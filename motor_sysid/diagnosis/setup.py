@@ -36,6 +36,8 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 """
 
 
+MIN_SAMPLES = 200
+
 ROUGH_ROWS = 10_000
 """Rows that a rough fit looks at."""
 
@@ -131,6 +133,18 @@ def prepared_parts(
     """Return training and validation records prepared alike; see `prepared`."""
     both = prepared([*train, *validation], wanted, known)
     return both[: len(train)], both[len(train) :]
+
+
+def refuse_short(train: Sequence[Record], validation: Sequence[Record]) -> None:
+    """Refuse records that are too short to tell anything."""
+    if not train:
+        raise UserError('no training record; give at least one')
+    for record in (*train, *validation):
+        if len(record) < MIN_SAMPLES:
+            raise UserError(
+                f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
+                f'needs at least {MIN_SAMPLES}, better 5000'
+            )
 
 
 def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:

@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from motor_sysid.diagnosis.gate import gone, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.gate import combined_error, gone, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
@@ -137,6 +137,16 @@ def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
             for t in possible
         )
     ]
+
+
+def holds_its_own(rung: Rung, without: Rung, trials: Sequence[Trial]) -> bool:
+    """Whether nothing lowers the held-out error by a fifth of what the last effect did.
+
+    Laws that are a little wrong leave evidence for others in training data that look alike.
+    """
+    gain = 100 * (1 - combined_error(rung.held, without.held))
+    possible = [t.gain_percent for t in trials if t.note != UNPHYSICAL]
+    return max(possible, default=0.0) < LEFT_OVER * gain
 
 
 def _vague(rung: Rung) -> int:
