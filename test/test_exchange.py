@@ -1,6 +1,8 @@
 """Rivals that show up when effects are exchanged get words and figures as all others do."""
 
 from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
 
 from bench_motor import records
 import numpy as np
@@ -137,3 +139,20 @@ def test_what_takes_a_place_does_not_bring_back_what_it_took_the_place_of():
     trial, _ = refitted('quadratic_drag', engine.bench, slim)
     placed = exchange._beside(replace(trial, rung=both), slim)
     assert set(placed.rung.model.effects) == {'brush_voltage_drop', 'quadratic_drag'}
+
+
+def test_where_the_last_fit_needs_no_effect_any_more_the_model_before_is_the_last(monkeypatch):
+    module = import_module('motor_sysid.diagnosis.diagnose')
+
+    def fitted(*effects):
+        return SimpleNamespace(model=SimpleNamespace(effects=effects))
+
+    base, one = fitted(), fitted('quadratic_drag')
+    monkeypatch.setattr(module, 'exact', lambda rung, bench: (rung, bench))
+    monkeypatch.setattr(module, 'is_idle', lambda *_: False)
+    monkeypatch.setattr(module, 'is_told', lambda *_: False)
+    monkeypatch.setattr(module, 'pruned', lambda *_, **options: fitted())
+    engine = SimpleNamespace(bench=None, gains={}, notes=[], tell=None)
+    ladder = [(base, []), (one, [])]
+    module._Engine.settle(engine, ladder, ())
+    assert ladder == [(base, [])]

@@ -289,7 +289,10 @@ class _Engine:
             if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)
                 if slim is not last:
-                    ladder[-1] = self.round(slim, ladder[0][0])
+                    if set(slim.model.effects) <= set(before.model.effects):
+                        ladder.pop()
+                    else:
+                        ladder[-1] = self.round(slim, ladder[0][0])
                     continue
             self.bench = bench
             ladder[-1] = polish(last, bench), trials

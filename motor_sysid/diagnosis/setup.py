@@ -37,6 +37,7 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 
 
 MIN_SAMPLES = 200
+"""Fewest samples of a record from which a diagnosis may be asked for."""
 
 ROUGH_ROWS = 10_000
 """Rows that a rough fit looks at."""
@@ -136,7 +137,13 @@ def prepared_parts(
 
 
 def refuse_short(train: Sequence[Record], validation: Sequence[Record]) -> None:
-    """Refuse records that are too short to tell anything."""
+    """Refuse records that are too short to tell anything.
+
+    Raises
+    ------
+    UserError
+        If there is no training record, or a record has fewer than `MIN_SAMPLES` samples.
+    """
     if not train:
         raise UserError('no training record; give at least one')
     for record in (*train, *validation):
