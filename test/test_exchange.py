@@ -142,7 +142,7 @@ def test_what_takes_a_place_does_not_bring_back_what_it_took_the_place_of():
 
 
 def test_where_the_last_fit_needs_no_effect_any_more_the_model_before_is_the_last(monkeypatch):
-    module = import_module('motor_sysid.diagnosis.diagnose')
+    module = import_module('motor_sysid.diagnosis.engine')
 
     def fitted(*effects):
         return SimpleNamespace(model=SimpleNamespace(effects=effects))
@@ -154,5 +154,5 @@ def test_where_the_last_fit_needs_no_effect_any_more_the_model_before_is_the_las
     monkeypatch.setattr(module, 'pruned', lambda *_, **options: fitted())
     engine = SimpleNamespace(bench=None, gains={}, notes=[], tell=None)
     ladder = [(base, []), (one, [])]
-    module._Engine.settle(engine, ladder, ())
+    module.Engine.settle(engine, ladder, ())
     assert ladder == [(base, [])]

@@ -6,14 +6,16 @@ from types import SimpleNamespace
 from bench_motor import MOTOR, records
 import numpy as np
 import pytest
+from test_trials import prepared
 
 from motor_sysid.diagnosis import rounds
-from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNPHYSICAL
-from motor_sysid.diagnosis.rounds import outdone, unpromised
+from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.rounds import led_back, outdone, unpromised
+from motor_sysid.diagnosis.rung import climb, judge
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import make_bench
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 
 
@@ -71,3 +73,27 @@ def test_what_cannot_be_and_explains_more_outdoes_what_is_named(
     trials = [SimpleNamespace(note=note, delta_bic=evidence)]
     base, last = fitted('base', 10.0, 5), fitted('last', held, 6)
     assert outdone(trials, base, last, None, None) is expected
+
+
+def test_a_fit_gone_astray_begins_again_where_a_trial_that_is_nothing_ended():
+    data = records({}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, right = prepared(data, SpeedSensor.DIFFERENCE)
+    far = right.model.with_values({'L': 50 * right.model['L']}).with_free(['L'], free=False)
+    valley = climb(far, bench)
+    valley = judge(replace(valley.result, model=valley.model.with_free(['L'])), bench)
+    trial = SimpleNamespace(
+        rung=right, note=UNCERTAIN, passes=False, delta_bic=900.0, gain_percent=60.0
+    )
+    weighting = right.result.weighting
+
+    def back(**other):
+        return led_back([SimpleNamespace(**{**vars(trial), **other})], valley, bench, weighting)
+
+    found = back()
+    assert found.held.error_percent < 1.01 * right.held.error_percent
+    assert found.model['L'] == pytest.approx(right.model['L'], rel=1e-3)
+    assert back(note=NO_EVIDENCE) is valley
+    assert back(passes=True) is valley
+    assert back(delta_bic=5.0) is valley
+    assert back(gain_percent=4.0) is valley
+    assert led_back([trial], right, bench, weighting) is right

@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.apart import Compared
-from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT, SPOILED
+from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     parameters_of,
@@ -18,7 +18,7 @@ from motor_sysid.diagnosis.refit import (
     try_pair,
 )
 from motor_sysid.diagnosis.rounds import WORKERS
-from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, vanished
+from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, SPOILED, vanished
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, Trial

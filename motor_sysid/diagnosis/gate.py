@@ -45,11 +45,6 @@ UNSTEADY = 'helps in some of the held-out data and harms in other'
 HELD_BACK = (TOO_LITTLE, UNSTEADY)
 """How notes begin that keep an effect out which the training data speak for."""
 
-SPOILED = 1.02
-"""Held-out error over what it was, from which on another fit counts for less, whatever its
-evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
-tell, or a fit in which one effect takes the place of another."""
-
 BLOCKS = 20
 MIN_STEADY = 0.75
 """Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what

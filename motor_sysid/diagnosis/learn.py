@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.diagnose import diagnose, Settings
+from motor_sysid.diagnosis.diagnose import diagnose
 from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.found import Unknown
 from motor_sysid.diagnosis.gate import (
@@ -25,6 +25,7 @@ from motor_sysid.diagnosis.gate import (
 from motor_sysid.diagnosis.residual import measured_states
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.rung import climb, judge, Rung
+from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.unknown import unknown_of
 from motor_sysid.diagnosis.where import failure_of

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from motor_sysid.diagnosis.gate import ALIKE, MIN_FURTHER_GAIN_PERCENT, UNPHYSICAL
+from motor_sysid.diagnosis.gate import ALIKE, MIN_FURTHER_GAIN_PERCENT, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
@@ -16,7 +16,7 @@ from motor_sysid.diagnosis.refit import (
     try_roughly,
     try_thoroughly,
 )
-from motor_sysid.diagnosis.rung import profile_cost, Rung, slopes
+from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
@@ -121,6 +121,31 @@ def refitted(
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials
+
+
+def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
+    """Return the model fitted from where a trial ended that is nothing itself, if that is better.
+
+    The parameters of a model may end in a valley far astray.  What then gains by an amplitude that
+    is nothing, or impossible, has but found the way out.
+    """
+    if any(t.passes for t in trials):
+        return rung
+    nothing = [
+        t for t in trials
+        if t.note in (UNCERTAIN, UNPHYSICAL) and t.delta_bic > bench.threshold
+        and t.gain_percent > MIN_FURTHER_GAIN_PERCENT
+    ]  # fmt: skip
+    if not nothing:
+        return rung
+    found = max(nothing, key=lambda t: t.gain_percent).rung.model
+    mine = [p.name for p in rung.model.parameters.free if p.name in found.parameters]
+    begun = rung.model.with_values({name: found[name] for name in mine})
+    begun = replace(begun, speed_sensor=found.speed_sensor)
+    other = climb(begun, bench, weighting)
+    gain = profile_cost(rung, bench, weighting)[0] - profile_cost(other, bench, weighting)[0]
+    better = other.held.error_percent < rung.held.error_percent
+    return other if better and gain > bench.threshold else rung
 
 
 def explains(rung: Rung, base: Rung) -> bool:

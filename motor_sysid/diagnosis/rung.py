@@ -38,6 +38,11 @@ HOPELESS = 1.5
 """Sum of squares with another speed sensor, after one step from where the fit is, in units of what
 it must come to, from which on no fit is tried."""
 
+SPOILED = 1.02
+"""Held-out error over what it was, from which on another fit counts for less, whatever its
+evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
+tell, or a fit in which one effect takes the place of another."""
+
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
@@ -205,7 +210,8 @@ def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float,
 def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     """Return the fit with the speed sensor that the data like better under this noise model.
 
-    An effect could otherwise win by the sensor that was tried with it.
+    An effect could otherwise win by the sensor that was tried with it.  Held-out data must not
+    like it less: where much is missing, the noise model knows too little of what is noise.
     """
     best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
     for sensor in bench.sensors:
@@ -216,7 +222,7 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
                 continue
             other = climb(model, bench, weighting)
             cost = profile_cost(other, bench, weighting)[0]
-            if cost < least and np.isfinite(other.held.error_percent):
+            if cost < least and other.held.error_percent < SPOILED * best.held.error_percent:
                 best, least = other, cost
     return best
 

@@ -1,0 +1,303 @@
+"""The pipeline: score, refit, gate, add, prune until nothing helps; then the verdict."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from motor_sysid.diagnosis.ahead import hopeful, second_of
+from motor_sysid.diagnosis.apart import Compared
+from motor_sysid.diagnosis.compare import compare
+from motor_sysid.diagnosis.evidence import step_of
+from motor_sysid.diagnosis.exchange import Exchange, State, state_of
+from motor_sysid.diagnosis.explain import explained
+from motor_sysid.diagnosis.gate import is_idle, is_told
+from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
+from motor_sysid.diagnosis.next_experiment import next_experiment
+from motor_sysid.diagnosis.polish import polish
+from motor_sysid.diagnosis.prune import pruned
+from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
+from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.rounds import (
+    accounted,
+    explains,
+    led_back,
+    outdone,
+    refitted,
+    scored,
+    unseen,
+)
+from motor_sysid.diagnosis.rung import (
+    climb,
+    held_at_best,
+    profile_cost,
+    Rung,
+    slopes,
+    SPOILED,
+    vanished,
+    with_better_sensor,
+)
+from motor_sysid.diagnosis.score import Scores
+from motor_sysid.diagnosis.settings import Settings
+from motor_sysid.diagnosis.setup import (
+    Bench,
+)
+from motor_sysid.diagnosis.steps import exact, refined
+from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
+from motor_sysid.diagnosis.verdict import (
+    doubts,
+    holds_its_own,
+    may_rival,
+    rivals_of,
+    verdict_of,
+    winner_of,
+)
+from motor_sysid.estimation.batch import Weighting
+from motor_sysid.estimation.batch.methods.reference import moving_references
+from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effects import effect
+
+Progress = Callable[[str], None]
+
+
+class Engine:
+    """One diagnosis on its way."""
+
+    def __init__(
+        self,
+        bench: Bench,
+        candidates: Sequence[Effect],
+        settings: Settings,
+        tell: Progress,
+        nominal: Mapping[str, float],
+    ) -> None:
+        self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
+        self.nominal = nominal
+        self.gains: dict[str, float] = {}
+        self.compared: dict[tuple[str, str], Compared] = {}
+        self.notes: list[str] = []
+        self.seen: dict[State, tuple[Rung, Scores]] = {}
+        self.tried: dict[State, list[Trial]] = {}
+        self.train_records = [
+            r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train'
+        ]
+
+    def run(self, rung: Rung) -> Diagnosis:
+        """Climb until nothing helps."""
+        ladder: list[tuple[Rung, list[Trial]]] = []
+        rivals: dict[str, tuple[str, ...]] = {}
+        start, reconsidered = rung.model.effects, False
+        for _ in range(2 * self.settings.max_effects + 2):
+            rung, trials = self.round(rung, ladder[0][0] if ladder else None)
+            if ladder and ladder[-1][0].model.effects == rung.model.effects:
+                ladder.pop()  # what was added on it has proved superfluous
+            ladder.append((rung, trials))
+            passing = [t for t in trials if t.passes]
+            if len(ladder) > self.settings.max_effects:
+                break
+            if not passing:
+                other = None if reconsidered else self.exchange().better(rung, start, rivals)
+                if other is not None:
+                    other = pruned(other, self.bench, self.gains, self.tell, last=True)
+                    rung, reconsidered = self.refine(other), True
+                    continue
+                room = len(ladder) < self.settings.max_effects and not explains(rung, ladder[0][0])
+                step = self.ahead(rung, trials, ladder[0][0], rivals) if room else None
+                if step is None:
+                    break
+                ladder.append(step)
+                rung, trials = step
+                passing = [t for t in trials if t.passes]
+            winner = winner_of(passing)
+            rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)])
+            self.gains[winner.key] = winner.delta_bic
+            self.tell(
+                f'adding {winner.scored.variant.effect.card.title}: held-out error '
+                f'{rung.validation.error_percent:.3g} -> '
+                f'{winner.rung.validation.error_percent:.3g} %'
+            )
+            best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
+            worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
+            best = winner.rung if worse or vanished(best.model, winner.key) else best
+            best = pruned(best, self.bench, self.gains, self.tell)
+            rung = self.refine(best)
+        self.settle(ladder, start)
+        return self.conclude(ladder, rivals, doubted=self.doubted(ladder, start))
+
+    def doubted(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> bool:
+        """Whether others explain too much on top of all effects; if of the last alone, it goes."""
+        (base, first), (last, trials) = ladder[0], ladder[-1]
+        own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
+        found = doubts(trials, own)
+        if own and outdone(first, base, last, self.bench, self.weighting(base)):
+            return True
+        further = len(last.model.effects) > len(start) + 1 and last.model.effects[-1] in found
+        if not further or holds_its_own(last, ladder[-2][0], trials):
+            return len(found) == len(own) > 0
+        ladder.pop()
+        self.notes.append(
+            f'{effect(last.model.effects[-1]).card.title} would explain a part of what '
+            'remains, but not enough to be named: something else is missing, too'
+        )
+        self.settle(ladder, start)
+        return False
+
+    def round(self, rung: Rung, base: Rung | None) -> tuple[Rung, list[Trial]]:
+        """Score every candidate and refit the best; return what they were added to, and them.
+
+        `base` is the fit without effects, once there are some.
+        """
+        scores = self.score(rung)
+        better = with_better_sensor(rung, self.bench, scores.weighting)
+        if better is not rung:
+            self.tell(f'the speed sensor is a {better.model.speed_sensor.value} one')
+            rung, scores = better, self.score(better)
+        limit = self.settings.refits
+        trials = refitted(scores, rung, self.bench, limit, self.tell, base)
+        better = led_back(trials, rung, self.bench, scores.weighting)
+        if better is not rung:
+            self.tell('the fit had gone astray: beginning again where a trial ended')
+            rung, scores = better, self.score(better)
+            trials = refitted(scores, rung, self.bench, limit, self.tell, base)
+        self.tried[state_of(rung.model)] = trials
+        return rung, trials
+
+    def refine(self, rung: Rung) -> Rung:
+        """Return a fit in fine enough steps, without what these prove superfluous."""
+        finer, self.bench = refined(rung, self.bench)
+        if finer is rung:
+            return rung
+        return pruned(finer, self.bench, self.gains, self.tell, last=True)
+
+    def ahead(
+        self,
+        rung: Rung,
+        trials: Sequence[Trial],
+        base: Rung,
+        rivals: dict[str, tuple[str, ...]],
+    ) -> tuple[Rung, list[Trial]] | None:
+        """Return a fit with an effect that does not pass alone, and what passes on top of it.
+
+        What else does as well as that effect is noted in `rivals`.  No step is made from a model
+        that leaves nothing for certain.
+        """
+        cost, rows = profile_cost(rung, self.bench, self.weighting(rung))
+        if cost < SURELY_MORE * rows:
+            return None
+        possible = hopeful(trials, self.bench.threshold)
+        for k, first in enumerate(possible):
+            self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
+            fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
+            fitted, further = self.round(fitted, base)
+            second = second_of(further, rung)
+            if second is not None:
+                self.gains[first.key] = first.delta_bic
+                rivals[first.key] = rivals_of(first, possible[k:])
+                return fitted, [replace(t, note='') if t is second else t for t in further]
+        return None
+
+    def settle(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> None:
+        """Fit the last model exactly, and take back what then cannot be told from nothing."""
+        while len(ladder) > 1:
+            rung, trials = ladder[-1]
+            last, bench = exact(rung, self.bench)
+            key, before = last.model.effects[-1], ladder[-2][0]
+            if set(before.model.effects) < set(last.model.effects) and is_idle(last, before, key):
+                ladder.pop()
+                self.notes.append(
+                    f'{effect(key).card.title} would explain a little more, but its size cannot '
+                    'be told from nothing'
+                )
+                continue
+            if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
+                slim = pruned(last, bench, self.gains, self.tell, last=True)
+                if slim is not last:
+                    if set(slim.model.effects) <= set(before.model.effects):
+                        ladder.pop()
+                    else:
+                        ladder[-1] = self.round(slim, ladder[0][0])
+                    continue
+            self.bench = bench
+            ladder[-1] = polish(last, bench), trials
+            break
+
+    def score(self, rung: Rung) -> Scores:
+        """Score every candidate on a fitted model."""
+        scores = scored(rung, self.bench, self.candidates, self.tell)
+        if not self.seen:
+            self.candidates = [c for c in self.candidates if c.key not in unseen(scores)]
+        self.seen[state_of(rung.model)] = rung, scores
+        return scores
+
+    def exchange(self) -> Exchange:
+        """Return what looks for better sets of effects, as things stand."""
+        return Exchange(
+            self.bench, self.seen, self.tried, self.gains, self.compared, self.score, self.tell
+        )
+
+    def conclude(
+        self,
+        ladder: list[tuple[Rung, list[Trial]]],
+        rivals: dict[str, tuple[str, ...]],
+        *,
+        doubted: bool = False,
+    ) -> Diagnosis:
+        """Give the verdict on a finished ladder."""
+        share = self.accounted(ladder)
+        final = ladder[-1][0]
+        left = self.remainder(final)
+        rivals = {
+            key: tuple(r for r in names if r not in final.model.effects)
+            for key, names in rivals.items()
+            if key in final.model.effects
+        }
+        verdict = verdict_of(ladder, left, rivals, share, doubted)
+        named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
+        after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
+        steps = tuple(
+            step_of(
+                rung, sorted(trials, key=lambda t: t.key not in added), rivals, self.bench
+            )
+            for (rung, trials), added in zip(ladder, after, strict=True)
+        )
+        shown = steps if named else steps[:1]
+        found = Diagnosis(
+            verdict=verdict,
+            effects=final.model.effects[len(ladder[0][0].model.effects) :] if named else (),
+            steps=shown,
+            noise_floor_percent=left.floor_percent,
+            noise_sigma=left.floor,
+            reasons=(),
+            records=self.bench.records,
+            roles=self.bench.roles,
+            warnings=(*final.result.unidentifiable, *final.result.warnings, *self.notes),
+        )
+        found = explained(found, steps, left, rivals, self.nominal, self.compared)
+        wanted = next_experiment(verdict, ladder, rivals, self.train_records)
+        return replace(found, experiment=wanted) if wanted else found
+
+    def accounted(self, ladder: Sequence[tuple[Rung, list[Trial]]]) -> float:
+        """Return the share of what is beyond noise that the last model explains."""
+        base, last = ladder[0][0], ladder[-1][0]
+        return accounted(base, last, self.bench, self.weighting(last))
+
+    def weighting(self, rung: Rung) -> Weighting:
+        """Return the noise model that the whole dictionary leaves on a model that was scored."""
+        return self.seen[state_of(rung.model)][1].weighting
+
+    def remainder(self, rung: Rung) -> Remainder:
+        """Examine what the model leaves."""
+        matched = Matched(self.bench.problem(rung.model), slopes(rung, self.bench))
+        closed = any(moving_references(record) for record in self.train_records)
+        training = rung.training
+        if self.bench.train is not self.bench.train_free:
+            training = compare(
+                rung.model, self.bench.train, self.bench.outputs, substeps=self.bench.substeps
+            )
+        return examine_remainder(
+            self.bench.outputs,
+            training,
+            rung.validation,
+            held_at_best(rung, self.bench) if closed else rung.held,
+            (self.bench.train, self.bench.held),
+            self.bench.differenced(rung.model),
+            matched.orders(contrast=STANDS_OUT),
+        )
