@@ -143,22 +143,37 @@ class Engine:
     def round(self, rung: Rung, base: Rung | None) -> tuple[Rung, list[Trial]]:
         """Score every candidate and refit the best; return what they were added to, and them.
 
-        `base` is the fit without effects, once there are some.
+        `base` is the fit without effects, once there are some.  Another speed sensor that held-out
+        data speak against (where much is missing, the noise model knows little of what is noise)
+        is taken only where nothing helps with this one and something with the other.
         """
         scores = self.score(rung)
-        better = with_better_sensor(rung, self.bench, scores.weighting)
-        if better is not rung:
-            self.tell(f'the speed sensor is a {better.model.speed_sensor.value} one')
-            rung, scores = better, self.score(better)
-        limit = self.settings.refits
-        trials = refitted(scores, rung, self.bench, limit, self.tell, base)
+        other = with_better_sensor(rung, self.bench, scores.weighting)
+        doubtful = other.held.error_percent > SPOILED * rung.held.error_percent
+        if other is not rung and not doubtful:
+            rung, scores = self.seen_by(other)
+        trials = self.refits(scores, rung, base)
         better = led_back(trials, rung, self.bench, scores.weighting)
         if better is not rung:
             self.tell('the fit had gone astray: beginning again where a trial ended')
-            rung, scores = better, self.score(better)
-            trials = refitted(scores, rung, self.bench, limit, self.tell, base)
+            rung = better
+            trials = self.refits(self.score(better), better, base)
+        if doubtful and not any(t.passes for t in trials):
+            other, scores = self.seen_by(other)
+            further = self.refits(scores, other, base)
+            if any(t.passes for t in further):
+                rung, trials = other, further
         self.tried[state_of(rung.model)] = trials
         return rung, trials
+
+    def refits(self, scores: Scores, rung: Rung, base: Rung | None) -> list[Trial]:
+        """Refit the best candidates on a fitted model; see `round`."""
+        return refitted(scores, rung, self.bench, self.settings.refits, self.tell, base)
+
+    def seen_by(self, rung: Rung) -> tuple[Rung, Scores]:
+        """Score every candidate on a fit with another speed sensor."""
+        self.tell(f'the speed sensor is a {rung.model.speed_sensor.value} one')
+        return rung, self.score(rung)
 
     def refine(self, rung: Rung) -> Rung:
         """Return a fit in fine enough steps, without what these prove superfluous."""

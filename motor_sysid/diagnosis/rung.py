@@ -210,8 +210,7 @@ def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float,
 def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     """Return the fit with the speed sensor that the data like better under this noise model.
 
-    An effect could otherwise win by the sensor that was tried with it.  Held-out data must not
-    like it less: where much is missing, the noise model knows too little of what is noise.
+    An effect could otherwise win by the sensor that was tried with it.
     """
     best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
     for sensor in bench.sensors:
@@ -222,7 +221,7 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
                 continue
             other = climb(model, bench, weighting)
             cost = profile_cost(other, bench, weighting)[0]
-            if cost < least and other.held.error_percent < SPOILED * best.held.error_percent:
+            if cost < least and np.isfinite(other.held.error_percent):
                 best, least = other, cost
     return best
 

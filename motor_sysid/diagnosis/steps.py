@@ -56,13 +56,7 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     these steps do wrong is noted.
     """
     some = replace(bench, train=some_of(bench, rung.model))
-    model = rung.model
-    sharp = _sharper(model)
-    if sharp is not model:
-        now, other = _residuals(model, some), _residuals(sharp, some)
-        if not _small(_differences(other, now), now):
-            model = sharp
-    fitted = rung.model
+    model, fitted = _sharpened(rung.model, some, _small)[0], rung.model
     while True:
         steps = _steps(model, some, FINER, _small)
         if steps >= FINER:
@@ -127,12 +121,10 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     def small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
         return bool(np.all(moves(changes) <= MOVE * sigma))
 
-    last, model, blunt = rung, rung.model, np.zeros(sigma.size)
-    sharp = _sharper(model)
-    if sharp is not model:
-        move = moves(_differences(_residuals(sharp, some), _residuals(model, some)))
-        if np.any(move > MOVE * sigma):
-            model, blunt = sharp, move / (SHARPER - 1)
+    last, blunt = rung, np.zeros(sigma.size)
+    model, changes = _sharpened(rung.model, some, small)
+    if changes:
+        blunt = moves(changes) / (1 if model is rung.model else SHARPER - 1)
     steps = _steps(model, some, FINEST, small)
     if steps != bench.substeps or model is not rung.model:
         bench = replace(bench, substeps=steps)
@@ -192,6 +184,26 @@ def _sharper(model: Model) -> Model:
     needed = {name for key in model.effects for name in effect(key).needs()}
     widths = {n: model[n] / SHARPER for n in WIDTHS if n in needed and n in model.parameters}
     return model.with_values(widths) if widths else model
+
+
+def _sharpened(
+    model: Model, bench: Bench, small: Callable[[Sequence[Array], Sequence[Array]], bool]
+) -> tuple[Model, list[Array]]:
+    """Return the model, with sharper signs where these bring it nearer to what exact ones do.
+
+    That is told by sharper signs in finer steps than any fit takes: where these steps are not
+    fine enough for sharper signs, blunt ones may be nearer.  Also returned is how far blunt signs
+    are from there, if that is not `small`.
+    """
+    sharp = _sharper(model)
+    if sharp is model:
+        return model, []
+    right = _residuals(sharp, bench, JUDGE * FINEST)
+    blunt = _differences(right, _residuals(model, bench, FINEST))
+    if small(blunt, right):
+        return model, []
+    nearer = _share(_differences(right, _residuals(sharp, bench, FINEST)), blunt) < 1.0
+    return (sharp if nearer else model), blunt
 
 
 def _residuals(model: Model, bench: Bench, steps: int = 0) -> Sequence[Array]:
