@@ -381,3 +381,16 @@ def test_a_saved_diagnosis_makes_the_page(friction, tmp_path: Path):
     assert main(['report', str(saved), '-o', str(page)]) == 0
     assert 'Missing: Coulomb friction' in page.read_text(encoding='utf-8')
     assert load_view(save_view(view, tmp_path / 'view.json')) == load_view(saved)
+
+
+@pytest.mark.parametrize(
+    ('sigma', 'words'),
+    [
+        (1e-4, 'tau_c = 6 mN m, 95 %: 5.8 mN m to 6.2 mN m'),
+        (1e-6, 'tau_c = 6 mN m, 95 %: 5.998 mN m to 6.002 mN m'),
+    ],
+)
+def test_an_interval_has_digits_enough_for_its_ends(sigma, words):
+    steps = [*ladder()[:1], step(with_friction({}, sigma), 1.0)]
+    (one,) = evidence_of(steps, records({}, ['steps'], 2.0), 0.6, {})
+    assert words in one.words

@@ -18,6 +18,9 @@ from motor_sysid.signals.record import Record
 INTERVAL = 1.96
 """Standard deviations on either side of a 95 % interval."""
 
+_DIGITS, _MOST_DIGITS = 3, 7
+"""Digits of a value; more only so that the ends of its interval differ."""
+
 CERTAIN, WORTH = 3.0, 0.1
 """A parameter was wrong if it moved by so many standard deviations, and by that share."""
 
@@ -116,10 +119,13 @@ def _evidence(
 def _values(parameters: Mapping[str, tuple[float, str, float, float, float]]) -> str:
     parts = []
     for name, (value, unit, sigma, low, high) in parameters.items():
-        text = f'{name} = {with_unit(value, unit)}'
         if sigma > 0 and math.isfinite(sigma):
-            text += f', 95 %: {with_unit(low, unit)} to {with_unit(high, unit)}'
-        parts.append(text)
+            ends = max(abs(low), abs(high))
+            digits = min(max(_DIGITS, 1 + math.ceil(math.log10(ends / sigma))), _MOST_DIGITS)
+            shown, least, most = (with_unit(one, unit, digits) for one in (value, low, high))
+            parts.append(f'{name} = {shown}, 95 %: {least} to {most}')
+        else:
+            parts.append(f'{name} = {with_unit(value, unit)}')
     return '; '.join(parts)
 
 

@@ -14,7 +14,7 @@ from motor_sysid.diagnosis.moments import with_honest_moments
 from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.rung import climb, FINER, judge, newton_step, Rung, slopes, some_of
 from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.estimation.batch import FitResult
+from motor_sysid.estimation.batch import FitResult, misfit, Weighting
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import effect
@@ -43,6 +43,9 @@ FINER_BY = 8
 JUDGE = 4
 """How much finer than the most that are allowed those steps are by which the others are judged."""
 
+BLUNT = 0.02
+"""Error of blunt signs, as a share of what is left, that is not worth sharper ones."""
+
 ROUNDING, WRONG = 0.1, 0.3
 """Error of the integration, as a share of what is left, that is not worth finer steps; and the
 same where they would be many."""
@@ -56,20 +59,38 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     these steps do wrong is noted.
     """
     some = replace(bench, train=some_of(bench, rung.model))
-    model, fitted = _sharpened(rung.model, some, _small)[0], rung.model
+    sharp, _ = _sharpened(rung.model, some, _like)
+    steps = _fine_enough(rung.model, some)
+    if sharp is rung.model and steps == some.substeps:
+        return rung, replace(bench, wrong=_wrong(rung, some))
+    found, steps = _fitted(sharp, rung.result.weighting, some)
+    if sharp is not rung.model:
+        again = replace(some, substeps=steps)
+        other, finer = _fitted(rung.model, rung.result.weighting, again)
+        if misfit(other) < misfit(found):
+            found, steps = other, finer
+    rung = climb(found.model, replace(bench, substeps=steps), found.weighting)
+    wrong = _wrong(rung, replace(some, substeps=steps))
+    return rung, replace(bench, substeps=steps, wrong=wrong)
+
+
+def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult, int]:
+    """Return a rough fit of a model in steps as fine as it asks for, and how many they are."""
     while True:
-        steps = _steps(model, some, FINER, _small)
-        if steps >= FINER:
-            steps = _steps(model, replace(some, substeps=steps), FINEST, _bearable)
-        if steps == some.substeps and model is fitted:
-            break
+        steps = _fine_enough(model, some)
         some = replace(some, substeps=steps)
-        found = rough_fit(model, rung.result.weighting, some, ROUGH_STEPS, finest=FINEST)
-        model = fitted = found.model
-    if fitted is not rung.model:
-        bench = replace(bench, substeps=some.substeps)
-        rung = climb(model, bench, found.weighting)
-    return rung, replace(bench, wrong=_wrong(rung, some))
+        found = rough_fit(model, weighting, some, ROUGH_STEPS, finest=FINEST)
+        model = found.model
+        if _fine_enough(model, some) == steps:
+            return found, steps
+
+
+def _fine_enough(model: Model, bench: Bench) -> int:
+    """Return so many integration steps that what remains of their error is not worth more."""
+    steps = _steps(model, bench, FINER, _small)
+    if steps < FINER:
+        return steps
+    return _steps(model, replace(bench, substeps=steps), FINEST, _bearable)
 
 
 def _wrong(rung: Rung, bench: Bench) -> float:
@@ -94,6 +115,10 @@ def _share(changes: Sequence[Array], left: Sequence[Array]) -> float:
 
 def _small(changes: Sequence[Array], left: Sequence[Array]) -> bool:
     return _share(changes, left) <= ROUNDING
+
+
+def _like(changes: Sequence[Array], left: Sequence[Array]) -> bool:
+    return _share(changes, left) <= BLUNT
 
 
 def _bearable(changes: Sequence[Array], left: Sequence[Array]) -> bool:

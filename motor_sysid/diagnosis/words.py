@@ -101,8 +101,8 @@ def named(
     added = [k for k in last.model.effects if k not in first.model.effects]
     names = ' and '.join(effect(k).card.title for k in added) or 'nothing'
     lines = [
-        f'Missing: {names}. With it the held-out error falls from '
-        f'{first.validation_error_percent:.3g} to {last.validation_error_percent:.3g} %; '
+        f'Missing: {names}. With {"them" if len(added) > 1 else "it"} the held-out error falls '
+        f'from {first.validation_error_percent:.3g} to {last.validation_error_percent:.3g} %; '
         f'sensor noise alone makes {left.floor_percent:.3g} %.'
     ]
     lines += [one.words for one in evidence]
