@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare
+from motor_sysid.diagnosis.edges import beyond_edges, edges_of
 from motor_sysid.diagnosis.moments import with_honest_moments
 from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.rung import climb, FINER, judge, newton_step, Rung, slopes, some_of
@@ -195,9 +196,13 @@ def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     near = slopes(rung, bench)
     spread = describe(problem, problem.vector(), weighting, near, stationary=True)
+    sigma = beyond_edges(
+        problem, weighting, spread.covariance, spread.sigma, spread.information,
+        edges_of(rung.model),
+    )  # fmt: skip
     told = {
         p.name: float(np.hypot(s, extra))
-        for p, s, extra in zip(problem.free, spread.sigma, blunt, strict=True)
+        for p, s, extra in zip(problem.free, sigma, blunt, strict=True)
     }
     sure = bench.problem(rung.model.with_estimates({}, told))
     model = with_honest_moments(sure, weighting, spread.information)

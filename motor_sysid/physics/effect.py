@@ -141,6 +141,9 @@ class Shape:
         Box in units of the scale.
     free:
         Whether a fit may change it; an order (waves per turn) is chosen, not fitted.
+    edge:
+        Whether it is where one law ends and another begins: beyond the last sample that reaches
+        it, data tell nothing of it.
     """
 
     name: str
@@ -151,6 +154,7 @@ class Shape:
     lower: float
     upper: float
     free: bool = True
+    edge: bool = False
 
 
 @dataclass(frozen=True)

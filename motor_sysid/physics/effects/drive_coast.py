@@ -24,7 +24,7 @@ CARD = Card(
     ),
     shapes=(
         Shape('u_c', 'V', 'command from which on nothing coasts', Scale.VOLTAGE, (0.3, 1.0, 2.5),
-              0.02, 10.0),
+              0.02, 10.0, edge=True),
     ),
     axis='speed',
 )  # fmt: skip
