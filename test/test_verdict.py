@@ -188,6 +188,19 @@ def test_nothing_added_is_complete_or_unknown():
     assert verdict(rung(4.0), left=LEFT) is Verdict.UNKNOWN_EFFECT
 
 
+@pytest.mark.parametrize(
+    ('error', 'floor', 'said'),
+    [
+        (59.0, 12.0, Verdict.UNKNOWN_EFFECT),
+        (12.0, 4.0, Verdict.COMPLETE),  # a random load, say
+        (9.0, 0.5, Verdict.COMPLETE),
+    ],
+)
+def test_a_model_that_misses_much_is_not_complete_even_if_nothing_predicts_it(error, floor, said):
+    left = Remainder({}, floor, error, 20.0, 0.05)
+    assert verdict(rung(error), left=left) is said
+
+
 def test_what_leaves_more_than_it_explains_is_not_named():
     left = Remainder({}, FLOOR, 3.8, 1.2, 0.2)
     assert not left.structured

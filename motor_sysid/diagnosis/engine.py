@@ -9,7 +9,7 @@ from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import step_of
 from motor_sysid.diagnosis.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.explain import explained
-from motor_sysid.diagnosis.gate import is_idle, is_told
+from motor_sysid.diagnosis.gate import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
 from motor_sysid.diagnosis.next_experiment import next_experiment
 from motor_sysid.diagnosis.polish import polish
@@ -145,7 +145,8 @@ class Engine:
 
         `base` is the fit without effects, once there are some.  Another speed sensor that held-out
         data speak against (where much is missing, the noise model knows little of what is noise)
-        is taken only where nothing helps with this one and something with the other.
+        is taken only where nothing helps with this one, and something with the other helps more
+        than that sensor alone does harm.
         """
         scores = self.score(rung)
         other = with_better_sensor(rung, self.bench, scores.weighting)
@@ -161,7 +162,8 @@ class Engine:
         if doubtful and not any(t.passes for t in trials):
             other, scores = self.seen_by(other)
             further = self.refits(scores, other, base)
-            if any(t.passes for t in further):
+            least = (1 - MIN_FURTHER_GAIN_PERCENT / 100) * rung.held.error_percent
+            if any(t.passes and t.rung.held.error_percent < least for t in further):
                 rung, trials = other, further
         self.tried[state_of(rung.model)] = trials
         return rung, trials

@@ -60,6 +60,10 @@ STRUCTURE = 0.1
 ABOVE_FLOOR = 1.3
 """Remaining error over sensor noise below which nothing more is looked for."""
 
+LARGE, LARGE_PERCENT = 4.0, 10.0
+"""Remaining error over sensor noise, and in percent of the signal, above which something is
+missing even if nothing predicts it: what disturbs a motor that much is part of its model."""
+
 TRIFLE_PERCENT = 1.0
 """Size of what is predictable, in percent of the signal, below which a model is good enough."""
 
@@ -129,7 +133,14 @@ class Remainder:
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
         size = min(self.error_percent * np.sqrt(self.share), self.beyond_percent)
-        return bool(self.above_floor and self.share > STRUCTURE and size > TRIFLE_PERCENT)
+        told = self.above_floor and self.share > STRUCTURE and size > TRIFLE_PERCENT
+        return bool(told or self.large)
+
+    @property
+    def large(self) -> bool:
+        """Whether so much remains that a model without it is not complete, whatever it is."""
+        beyond = self.error_percent > LARGE * self.floor_percent
+        return beyond and self.error_percent > LARGE_PERCENT
 
     @property
     def above_floor(self) -> bool:

@@ -55,6 +55,11 @@ def _structure(left: Remainder) -> str:
         return f'{100 * left.drift:.0f} % of it in one record drifts: something came or went there'
     if left.uneven and left.predictable < STRUCTURE:
         return f'the model describes one record {left.unevenness:.2g} times worse than another'
+    if left.predictable < STRUCTURE:
+        return (
+            'the motion hardly predicts any of it: loads that come and go, or what a drive does '
+            'between two samples, look like that'
+        )
     return f'{100 * left.predictable:.0f} % of it is predictable from the motion'
 
 
