@@ -60,6 +60,8 @@ def beyond_edges(
             curvature = normal_equations(problem.linearize(there), weighting)[1]
             if not np.all(np.isfinite(curvature)):
                 continue
-            less = of_curvature(curvature, names, problem.slope(there)).bound / here.bound
+            beyond = of_curvature(curvature, names, problem.slope(there)).bound
+            with np.errstate(invalid='ignore'):  # what is not seen here either is no less known
+                less = beyond / here.bound
             wider = np.maximum(wider, np.where(less > LESS, less, 1.0) * sigma)
     return wider

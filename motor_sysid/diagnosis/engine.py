@@ -37,9 +37,7 @@ from motor_sysid.diagnosis.rung import (
 )
 from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.settings import Settings
-from motor_sysid.diagnosis.setup import (
-    Bench,
-)
+from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
 from motor_sysid.diagnosis.verdict import (

@@ -41,7 +41,7 @@ it must come to, from which on no fit is tried."""
 SPOILED = 1.02
 """Held-out error over what it was, from which on another fit counts for less, whatever its
 evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
-tell, or a fit in which one effect takes the place of another."""
+tell, a fit in which one effect takes the place of another, or one with another speed sensor."""
 
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
