@@ -36,6 +36,13 @@ ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
 
+WIDE = 100.0
+"""How much wider a sign of current is where a fit begins as well.
+
+Between coarse samples a narrow one chatters about zero, and a fit that begins far away does not
+move; from a wide one it slides down.
+"""
+
 USUAL = 0.2
 """Amplitude in units of its scale from which a fit in full begins as well."""
 
@@ -70,6 +77,11 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         return one, model, first
 
     fits = [begun(one, model) for one, model in tried]
+    one, model = tried[0]
+    if 'i_eps' in one.variant.effect.needs():
+        wide = model.with_values({'i_eps': WIDE * model['i_eps']})
+        slid = rough_fit(wide, rung.result.weighting, bench, ROUGH_STEPS).model
+        fits.append(begun(one, slid.with_values({'i_eps': model['i_eps']})))
     one, model, first = min(fits, key=lambda fit: misfit(fit[2]))
     for sensor in bench.sensors:
         if sensor is not rung.model.speed_sensor:
