@@ -78,7 +78,7 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
 
     fits = [begun(one, model) for one, model in tried]
     one, model = tried[0]
-    if 'i_eps' in one.variant.effect.needs():
+    if any('i_eps' in effect(key).needs() for key in model.effects):
         wide = model.with_values({'i_eps': WIDE * model['i_eps']})
         slid = rough_fit(wide, rung.result.weighting, bench, ROUGH_STEPS).model
         fits.append(begun(one, slid.with_values({'i_eps': model['i_eps']})))
