@@ -241,17 +241,23 @@ def test_a_model_with_it_survives_a_file(key, record):
 
 @pytest.mark.parametrize('key', ON_DC)
 def test_sensitivities_match_wider_differences(key, record):
-    """Slopes from the fit's own small steps against parabolas through much wider ones."""
+    """Slopes from the fit's own small steps against parabolas through much wider ones.
+
+    The latter are integrated in finer steps, so that the coarse ones are judged, too; but for
+    those that one step a sample does not tell well.
+    """
     model = a_strong(key, record)
     own = [p.name for p in model.parameters.free if p.name.startswith(f'{key}.')]
     model = model.with_free([p.name for p in model.parameters.free if p.name not in own], False)
     outputs = ('current', 'speed')
-    problem = Problem(model, [make_chain(record, model.kind, outputs)], outputs)
+    chain = make_chain(record, model.kind, outputs)
+    problem = Problem(model, [chain], outputs)
+    finer = Problem(model, [chain], outputs, substeps=1 if key in COARSE else 16)
     z = problem.vector()
     slope = problem.linearize(z)[0].slope
     for k, p in enumerate(problem.free):
         step = WIDER.get(p.name, 10.0) * problem.steps(z)[k] * np.eye(z.size)[k]
-        runs = problem.simulate(z + np.array([2, 1, -1, -2])[:, np.newaxis] * step)[0]
+        runs = finer.simulate(z + np.array([2, 1, -1, -2])[:, np.newaxis] * step)[0]
         wide = (8 * (runs[..., 1] - runs[..., 2]) - runs[..., 0] + runs[..., 3]) / (12 * step[k])
         off = np.linalg.norm(slope[..., k] - wide, axis=0)
         size = np.linalg.norm(wide, axis=0)
@@ -261,10 +267,12 @@ def test_sensitivities_match_wider_differences(key, record):
 
 WIDER = {'input_delay.delay': 0.5, 'driver_clipping.c': 3.0}
 ROUGH = {
-    'backlash.phi_g': 0.12, 'inertia_change.t_on': 0.07, 'load_torque_step.t_on': 0.07,
-    'inverter_dead_time.i_0': 0.04, 'brush_voltage_drop.v_b': 0.06,
+    'backlash.phi_g': 0.4, 'inertia_change.t_on': 0.1, 'load_torque_step.t_on': 0.1,
+    'inverter_dead_time.i_0': 0.05, 'brush_voltage_drop.v_b': 0.06,
 }  # fmt: skip
 """Where the law has corners, a difference says only so much."""
+COARSE = ('backlash', 'inductance_saturation')
+"""Effects whose flanks meet, or whose current settles, within a step."""
 
 
 @pytest.mark.parametrize('key', ON_DC)

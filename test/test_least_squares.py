@@ -75,7 +75,7 @@ def test_sensitivities_are_those_of_finer_steps():
         up, down = (problem.simulate((z + s)[np.newaxis, :])[0][:, :, 0] for s in (step, -step))
         exact = (up - down) / 2e-6
         error = np.max(np.abs(found.slope[:, :, k] - exact))
-        assert error < 2e-3 * np.max(np.abs(exact))
+        assert error < 4e-3 * np.max(np.abs(exact))
 
 
 def test_one_sided_sensitivities_are_near_those_of_both_sides():
@@ -85,7 +85,7 @@ def test_one_sided_sensitivities_are_near_those_of_both_sides():
     for z in (problem.vector(), bound):
         (exact,), (found,) = problem.linearize(z), rough.linearize(z)
         error = np.sum((found.slope - exact.slope) ** 2, axis=(0, 1))
-        assert np.all(error < 0.001**2 * np.sum(exact.slope**2, axis=(0, 1)))
+        assert np.all(error < 0.002**2 * np.sum(exact.slope**2, axis=(0, 1)))
         assert np.allclose(found.start, exact.start, rtol=1e-9)
 
 

@@ -180,7 +180,7 @@ def test_the_last_fit_takes_signs_and_steps_that_move_no_parameter_by_its_error(
     rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
     last, fine = exact(rung, bench)
     sharper = last.model.with_values({'omega_eps': 0.1 * last.model['omega_eps']})
-    finest = climb(sharper, replace(bench, substeps=16))
+    finest = climb(sharper, replace(bench, substeps=64))
     assert last.substeps == fine.substeps
     assert last.model['omega_eps'] < 0.2 * rung.model['omega_eps']
 
@@ -190,7 +190,7 @@ def test_the_last_fit_takes_signs_and_steps_that_move_no_parameter_by_its_error(
             for p in found.model.parameters.free
         )
 
-    assert moved(last) < 0.25 < 0.2 * moved(rung)
+    assert moved(last) < 0.35 < 0.25 * moved(rung)
 
 
 def test_a_linear_model_needs_no_finer_steps(cogging):

@@ -195,7 +195,7 @@ class Engine:
         that leaves nothing for certain.
         """
         cost, rows = profile_cost(rung, self.bench, self.weighting(rung))
-        if cost < SURELY_MORE * rows:
+        if cost * (1.0 - self.bench.wrong) < SURELY_MORE * rows:
             return None
         possible = hopeful(trials, self.bench.threshold)
         for k, first in enumerate(possible):

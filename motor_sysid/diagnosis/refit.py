@@ -36,8 +36,8 @@ ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
 
-WIDE = 100.0
-"""How much wider a sign of current is where a fit begins as well.
+WIDE = (100.0, 10.0)
+"""How much wider a sign of current is, one after the other, where a fit begins as well.
 
 Between coarse samples a narrow one chatters about zero, and a fit that begins far away does not
 move; from a wide one it slides down.
@@ -79,8 +79,10 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     fits = [begun(one, model) for one, model in tried]
     one, model = tried[0]
     if any('i_eps' in effect(key).needs() for key in model.effects):
-        wide = model.with_values({'i_eps': WIDE * model['i_eps']})
-        slid = rough_fit(wide, rung.result.weighting, bench, ROUGH_STEPS).model
+        slid = model
+        for wider in WIDE:
+            slid = slid.with_values({'i_eps': wider * model['i_eps']})
+            slid = rough_fit(slid, rung.result.weighting, bench, ROUGH_STEPS).model
         fits.append(begun(one, slid.with_values({'i_eps': model['i_eps']})))
     one, model, first = min(fits, key=lambda fit: misfit(fit[2]))
     for sensor in bench.sensors:

@@ -12,6 +12,7 @@ steep it is.  Every choice is a select, not a branch, so that the loops are vect
 
 from numba import njit
 
+from motor_sysid.physics.effect import FORCES
 from motor_sysid.physics.native import call_lane, LANES
 
 TRIALS = 60
@@ -27,9 +28,14 @@ step it does not, however steep the law.
 CLOSE = 1e-5
 """Error of the implicit step, relative to it, that is good enough."""
 
+TURNS, MOVES = (0.1, 0.3), (1e-5, 1e-4)
+"""Change of a stiff law within a step, in units of the most that it has been, and of its own state
+by that, in units of the most that this has been: up to the first, one step will do; from the
+second on only finer ones count."""
+
 _OPEN = 1e300
 
-# rows of the work memory of one solution
+# rows of the work memory of one solution; those from MOST on are kept from step to step
 JUMP = 0
 HARD_ROW = 1 * LANES
 _PREDICTED = 2 * LANES
@@ -45,7 +51,9 @@ _SIDE = 11 * LANES
 _STEEP = 12 * LANES
 _PHI1 = 13 * LANES
 _PHI2 = 14 * LANES
-ROWS = 15
+MOST = 15 * LANES
+_LARGEST = MOST + len(FORCES) * LANES
+ROWS = 15 + 2 * len(FORCES)
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -173,3 +181,29 @@ def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
         w[_D + k] = following if far else d  # a lane that is there stays, whatever the others do
         left += 1 if far else 0
     return left
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def mark_turned(wide, w, j, begun, state, turned):  # type: ignore[no-untyped-def]
+    """Raise `turned` (W,) in lanes in which the stiff laws of equation `j` have turned.
+
+    `begun` (W,) holds them at the beginning of the step, row `JUMP` their change, `state` (W,)
+    their own state.  It grows steadily from 0 to 1, so that differences between lanes stay
+    smooth.
+    """
+    law, largest = MOST + j * LANES, _LARGEST + j * LANES
+    for k in range(wide):
+        w[law + k] = max(w[law + k], abs(begun[k]))
+        w[largest + k] = max(w[largest + k], abs(state[k]))
+    for k in range(wide):
+        change = abs(w[JUMP + k])
+        turn = ramp(change / (w[law + k] + 1e-300), TURNS[0], TURNS[1])
+        move = ramp(change * abs(w[_PHI2 + k]) / (w[largest + k] + 1e-300), MOVES[0], MOVES[1])
+        turned[k] = max(turned[k], turn * move)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def ramp(value, low, high):  # type: ignore[no-untyped-def]
+    """Return 0 below `low`, 1 above `high`, and what leads smoothly from one to the other."""
+    x = min(max((value - low) / (high - low), 0.0), 1.0)
+    return x * x * (3.0 - 2.0 * x)

@@ -13,6 +13,12 @@ the implicit Euler step does not.  The linear motor is exact for any time consta
 (Cox and Matthews 2002, doi:10.1006/jcph.2002.6995, for exponential time differencing; Hairer and
 Wanner, Solving Ordinary Differential Equations II, 1996, section IV.3, for stiff decay.)
 
+A stiff law that turns within a step (the sign of a friction, and then sticking) does so at some
+moment in it, which one step does not see: that error falls with the length of the step, whatever
+the order of the method.  The whole sample is then taken again in finer pieces.  How much these
+count in a lane grows steadily with how far its laws have turned, so that differences between lanes
+stay smooth.
+
 An input delay of k samples and a fraction f cuts each sample in two pieces of its own length in
 every lane: f under the older input, the rest under the newer one.  That is exact, too.  Each piece
 may be cut further in parts that grow with the time since the input changed.
@@ -23,9 +29,29 @@ The kernel works on blocks of 32 parameter vectors; the last axis of every array
 from numba import njit
 import numpy as np
 
+from motor_sysid.physics.buffer import (
+    add_push,
+    call_all,
+    clear,
+    evaluate_rates,
+    hold_input,
+    keep,
+    load_state,
+    put,
+    remember,
+    swap,
+)
 from motor_sysid.physics.effect import ARGUMENTS
-from motor_sysid.physics.implicit import HARD_ROW, JUMP, prepare, ROWS, secants, settle
-from motor_sysid.physics.native import as_pointer, call_lane, LANES
+from motor_sysid.physics.implicit import (
+    HARD_ROW,
+    JUMP,
+    mark_turned,
+    prepare,
+    ROWS,
+    secants,
+    settle,
+)
+from motor_sysid.physics.native import as_pointer, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.track import follow
 
@@ -33,12 +59,11 @@ CHUNK = 3
 """Products that are summed at a time."""
 
 OMEGA, THETA = ARGUMENTS.index('omega'), ARGUMENTS.index('theta')
-TURN = ARGUMENTS.index('turn') * LANES
 
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def run_block(  # type: ignore[no-untyped-def]
-    whole, phi1_force, phi2_force, width, wide, substeps, dt, t0, first,
+    whole, phi1_force, phi2_force, width, wide, coarse, substeps, dt, t0, first,
     inputs, late, position, push, buffer, base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
@@ -50,15 +75,18 @@ def run_block(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     whole:
-        (S, n, K, W) matrices of one substep of each of the S pieces of a sample, the first half of
-        them under the older input where there is an input delay: E, h phi1 B and h phi1 G side by
-        side, filled up with zeros to K columns, a multiple of `CHUNK`.
+        (S, n, K, W) matrices of one substep of each of S pieces of a sample, the first half of the
+        coarse and of the fine ones under the older input where there is an input delay: E, h phi1
+        B and h phi1 G side by side, filled up with zeros to K columns, a multiple of `CHUNK`.
     phi1_force, phi2_force:
         (S, n, m, W) matrices h phi1 G and h phi2 G.
     width:
         (S, W) length of a substep in s.
     wide:
         Lanes that are used, at most W; the others are left alone.
+    coarse:
+        How many of the pieces a sample is made of; the others make up the same sample in finer
+        steps, and are taken where a stiff law turns within a step.  Without them none is.
     substeps, dt, t0, first:
         Substeps per piece, sample time and time of the first row of inputs in s, and the row to
         begin at.
@@ -87,7 +115,7 @@ def run_block(  # type: ignore[no-untyped-def]
         (N - first, n_y, W) model outputs at the sample times.
     """
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
-    count, older = inputs.shape[0], pieces // 2 if late.shape[0] > 0 else 0
+    count, fine = inputs.shape[0], pieces - coarse
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]
     n_memory = memory_offset.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
@@ -96,14 +124,15 @@ def run_block(  # type: ignore[no-untyped-def]
     begun, secant, start = np.zeros((3, m, LANES))
     ended, jump, share = np.zeros((3, m, LANES))
     w = as_pointer(base + 8 * (buffer.shape[0] - ROWS * LANES))
-    old_memory, old_rate, next_memory = np.empty((3, n_memory + 1, LANES))
+    old_memory, old_rate, next_memory, kept = np.empty((4, n_memory + 1, LANES))
     all_in = np.zeros((whole.shape[2], LANES))
     x, u, before = all_in[:n], all_in[n : n + n_u], all_in[n + n_u : n + n_u + m]
     x[:] = state
     answers = np.zeros(m, dtype=np.bool_)
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
-    now, h, here, there, passed = np.zeros((5, LANES))
+    now, h, here, there, passed, turned = np.zeros((6, LANES))
+    rough, whole_sample = np.empty((n, LANES)), coarse * substeps
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = speed_row = -1
     for j in range(n):
@@ -135,14 +164,21 @@ def run_block(  # type: ignore[no-untyped-def]
 
         for k in range(wide):
             now[k] = begins
-        for part in range(pieces * substeps):
+        if fine > 0:
+            remember(wide, p, memory_offset, kept)
+            for k in range(wide):
+                turned[k] = 0.0
+        part, last, lately = 0, whole_sample, coarse // 2
+        while part < last:
             piece = part // substeps
-            hold_input(wide, u, inputs, late, sample - (1 if piece < older else 0))
+            delayed = late.shape[0] > 0 and piece < lately
+            hold_input(wide, u, inputs, late, sample - (1 if delayed else 0))
             if n_lanes + n_slopes + n_memory == 0 and not pushed:
                 predict(wide, predicted, whole, piece, all_in)
                 for j in range(n):
                     for k in range(wide):
                         x[j, k] = predicted[j, k]
+                part += 1
                 continue
             for j in range(n_u):
                 row = input_rows[j] * LANES
@@ -240,6 +276,8 @@ def run_block(  # type: ignore[no-untyped-def]
                     share[j, k] = w[HARD_ROW + k]
                 for k in range(wide):
                     p[row + k] = predicted[own_state[j], k]
+                if part < whole_sample:
+                    mark_turned(wide, w, j, begun[j], predicted[own_state[j]], turned)
             for j in range(m):
                 if answers[j]:
                     for k in range(wide):
@@ -247,6 +285,18 @@ def run_block(  # type: ignore[no-untyped-def]
             correct(wide, x, predicted, phi2_force, piece, ended)
             if hard > 0.0:
                 push_late(wide, x, phi1_force, phi2_force, piece, share, jump)
+            part += 1
+            if part == whole_sample and fine > 0 and np.any(turned[:wide] > 0.0):
+                for j in range(n):
+                    for k in range(wide):
+                        rough[j, k] = x[j, k]
+                        x[j, k] = previous[j, k]
+                swap(wide, p, memory_offset, kept)
+                for k in range(wide):
+                    now[k] = begins
+                last, lately = pieces * substeps, coarse + fine // 2
+        if last > whole_sample:
+            blend(wide, x, rough, p, memory_offset, kept, turned)
     state[:] = x
 
 
@@ -267,18 +317,6 @@ def show(  # type: ignore[no-untyped-def]
             row = sensor[y] * LANES
             for k in range(wide):
                 out[at, y, k] += p[row + k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def add_push(wide, p, force_rows, push, sample, now, begins, dt):  # type: ignore[no-untyped-def]
-    """Add the forces from outside, (2, m, W) at both ends of the sample, at the time `now`."""
-    for j in range(push.shape[2]):
-        row = force_rows[j] * LANES
-        for k in range(wide):
-            share = (now[k] - begins) / dt
-            p[row + k] += push[sample, 0, j, k] + share * (
-                push[sample, 1, j, k] - push[sample, 0, j, k]
-            )
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -317,80 +355,15 @@ def push_late(wide, x, phi1_force, phi2_force, piece, share, jump):  # type: ign
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def call_all(wide, base, calls, first, last):  # type: ignore[no-untyped-def]
-    """Call lane functions `first` to `last`."""
-    for i in range(first, last):
-        call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def keep(wide, values, p, rows):  # type: ignore[no-untyped-def]
-    """Copy rows of the buffer to `values` (R, W)."""
-    for j in range(rows.shape[0]):
-        row = rows[j] * LANES
-        for k in range(wide):
-            values[j, k] = p[row + k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
-    """Copy `values` (S, W) to their places in the buffer."""
-    for s in range(offsets.shape[0]):
-        offset = offsets[s]
-        for k in range(wide):
-            p[offset + k] = values[s, k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
-    """Write the input that acts in each lane to `u` (n_u, W)."""
-    n_u = inputs.shape[1]
-    if late.shape[0] == 0:
-        for j in range(n_u):
-            for k in range(wide):
-                u[j, k] = inputs[sample, j]
-        return
-    for k in range(wide):
-        at = max(sample - late[k], 0)
-        for j in range(n_u):
-            u[j, k] = inputs[at, j]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def load_state(  # type: ignore[no-untyped-def]
-    wide, p, x, state_rows, position_row, speed_row, follows, position, h
-):
-    """Write a core state to the argument rows, with the measured position in its place.
-
-    Beside it goes the angle that the shaft turns in a step of length `h` (W,).
-    """
-    if speed_row >= 0:
-        for k in range(wide):
-            p[TURN + k] = h[k] * x[speed_row, k]
+def blend(wide, x, rough, p, memory_offset, rough_memory, share):  # type: ignore[no-untyped-def]
+    """Mix what finer steps lead to with what rough ones did, by the (W,) share of the finer."""
     for j in range(x.shape[0]):
-        row = state_rows[j] * LANES
-        if follows and j == position_row:
-            for k in range(wide):
-                p[row + k] = position[k]
-        else:
-            for k in range(wide):
-                p[row + k] = x[j, k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def clear(wide, p, rows):  # type: ignore[no-untyped-def]
-    """Set the equation rows to zero."""
-    for j in range(rows.shape[0]):
-        row = rows[j] * LANES
         for k in range(wide):
-            p[row + k] = 0.0
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def evaluate_rates(wide, p, base, calls, memory_rate):  # type: ignore[no-untyped-def]
-    """Set the rates of all own states."""
-    for s in range(memory_rate.shape[0]):
-        row = memory_rate[s]
+            x[j, k] = rough[j, k] if share[k] == 0.0 else (
+                rough[j, k] + share[k] * (x[j, k] - rough[j, k])
+            )
+    for s in range(memory_offset.shape[0]):
+        row = memory_offset[s]
         for k in range(wide):
-            p[row + k] = 0.0
-    call_all(wide, base, calls, 0, calls.shape[0])
+            old = rough_memory[s, k]
+            p[row + k] = old if share[k] == 0.0 else old + share[k] * (p[row + k] - old)

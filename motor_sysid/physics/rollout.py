@@ -44,6 +44,10 @@ _NO_CORE = np.empty((0, 0, 0))
 SWING = 0.5
 """Angle in rad by which an own state may swing in one step that is not exact."""
 
+FINE, FINEST = 8, 16
+"""Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
+a sample may have."""
+
 GROUP = 8
 """Lanes that are computed together: a block of fewer parameter vectors costs less."""
 
@@ -280,6 +284,7 @@ class Program:
             x[:, used:] = start.T[:, :1]
             if len(results) in restarts:
                 self.begin(workspace, x)
+            workspace.rest()
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
             pushed = None if push is None else filled(push)
             self.advance(workspace, x, drive, cut[0], outputs, push=pushed)
@@ -297,12 +302,14 @@ class Program:
         return max(self.kind.substeps(values, speed, dt), *swings, 1)
 
     def workspace(
-        self, table: Array, dt: float, substeps: int = 1, parts: int = 1, *, delayed: bool = True
+        self, table: Array, dt: float, substeps: int = 1, parts: int = 1, *, delayed: bool = True,
+        turning: bool = True,
     ) -> Workspace:
         """Return the matrices and work memory of up to 32 parameter vectors (one a column).
 
         A sample is cut in `parts` (see `graded`), each of them in `substeps` of one length.
-        Without `delayed` the caller delays the input himself.
+        Without `delayed` the caller delays the input himself.  Where a stiff law may be `turning`
+        within a step, that sample is taken again in finer pieces.
         """
         used = table.shape[1]
         full = np.repeat(table[:, :1], LANES, axis=1)
@@ -312,7 +319,11 @@ class Program:
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:
             late, width = delays(full[self._delay_names], dt)
-        width = graded(width, parts, even=bool(self.kind.wave)) / substeps
+        even, cuts = bool(self.kind.wave), [parts]
+        if turning and self._calls[1] and parts < FINEST:
+            cuts.append(min(FINE * parts, FINEST))
+        widths = [graded(width, count, even=even) / substeps for count in cuts]
+        coarse, width = len(widths[0]), np.concatenate(widths)
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))
@@ -321,7 +332,7 @@ class Program:
         core = (_NO_CORE, _NO_CORE, _NO_CORE)
         if self._slopes[0].size:
             core = (lane_last(linear[0]), lane_last(linear[1]), lane_last(linear[2]))
-        return Workspace(joined(matrices), width, wide, late, buffer, core)
+        return Workspace(joined(matrices), width, wide, coarse, late, buffer, core)
 
     def begin(self, workspace: Workspace, x: Array) -> None:
         """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow."""
@@ -350,6 +361,7 @@ class Program:
             *workspace.matrices,
             workspace.width,
             workspace.wide,
+            workspace.coarse,
             substeps,
             drive.dt,
             drive.start,

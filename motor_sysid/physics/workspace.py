@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.implicit import MOST, ROWS
 from motor_sysid.physics.kernel import CHUNK
 from motor_sysid.physics.lanes import LANES
 
@@ -17,7 +18,7 @@ WORTH_CUTTING = 4_000
 
 @dataclass
 class Workspace:
-    """Matrices and lengths of the substeps, lanes in use, whole samples of delay, flat memory.
+    """Matrices and lengths of the substeps, lanes in use, coarse pieces, delay, flat memory.
 
     `linear` is A, B, G of the motor with the lane last, or empty where no law needs them.  See
     `motor_sysid.physics.kernel.run_block` for shapes.
@@ -26,9 +27,14 @@ class Workspace:
     matrices: tuple[Array, Array, Array]
     width: Array
     wide: int
+    coarse: int
     late: NDArray[np.int64]
     buffer: Array
     linear: tuple[Array, Array, Array]
+
+    def rest(self) -> None:
+        """Forget how large the laws have been: a stretch begins."""
+        self.buffer[MOST - ROWS * LANES :] = 0.0
 
     @property
     def by_force(self) -> Array:

@@ -13,8 +13,8 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.buffer import call_all, evaluate_rates
 from motor_sysid.physics.effect import Effect
-from motor_sysid.physics.kernel import call_all, evaluate_rates
 from motor_sysid.physics.lanes import (
     compile_effect,
     FIRST_PARAMETER_ROW,

@@ -193,7 +193,9 @@ class Motion:
         """Return simulations with coordinates (p, K)."""
         table = np.repeat(self._values[:, np.newaxis], cloud.shape[1], axis=1)
         table[self._rows] = self._moved.values(cloud.T).T
-        workspace = self._program.workspace(table, h, self._substeps, delayed=False)
+        workspace = self._program.workspace(
+            table, h, self._substeps, delayed=False, turning=False
+        )
         return _Block(first, last, np.empty((self._n, LANES)), workspace)
 
     def _run(self, block: '_Block', x: Array, drive: Drive, memory: Array) -> None:

@@ -1,0 +1,118 @@
+"""What goes in and out of the flat buffer that laws read and write, a row of lanes at a time."""
+
+from numba import njit
+
+from motor_sysid.physics.effect import ARGUMENTS
+from motor_sysid.physics.native import call_lane, LANES
+
+TURN = ARGUMENTS.index('turn') * LANES
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def add_push(wide, p, force_rows, push, sample, now, begins, dt):  # type: ignore[no-untyped-def]
+    """Add the forces from outside, (2, m, W) at both ends of the sample, at the time `now`."""
+    for j in range(push.shape[2]):
+        row = force_rows[j] * LANES
+        for k in range(wide):
+            share = (now[k] - begins) / dt
+            p[row + k] += push[sample, 0, j, k] + share * (
+                push[sample, 1, j, k] - push[sample, 0, j, k]
+            )
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def call_all(wide, base, calls, first, last):  # type: ignore[no-untyped-def]
+    """Call lane functions `first` to `last`."""
+    for i in range(first, last):
+        call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)  # type: ignore[call-arg]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def keep(wide, values, p, rows):  # type: ignore[no-untyped-def]
+    """Copy rows of the buffer to `values` (R, W)."""
+    for j in range(rows.shape[0]):
+        row = rows[j] * LANES
+        for k in range(wide):
+            values[j, k] = p[row + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def remember(wide, p, offsets, values):  # type: ignore[no-untyped-def]
+    """Copy places in the buffer to `values` (S, W)."""
+    for s in range(offsets.shape[0]):
+        offset = offsets[s]
+        for k in range(wide):
+            values[s, k] = p[offset + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def swap(wide, p, offsets, values):  # type: ignore[no-untyped-def]
+    """Exchange `values` (S, W) and what is in their places in the buffer."""
+    for s in range(offsets.shape[0]):
+        offset = offsets[s]
+        for k in range(wide):
+            values[s, k], p[offset + k] = p[offset + k], values[s, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
+    """Copy `values` (S, W) to their places in the buffer."""
+    for s in range(offsets.shape[0]):
+        offset = offsets[s]
+        for k in range(wide):
+            p[offset + k] = values[s, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
+    """Write the input that acts in each lane to `u` (n_u, W)."""
+    n_u = inputs.shape[1]
+    if late.shape[0] == 0:
+        for j in range(n_u):
+            for k in range(wide):
+                u[j, k] = inputs[sample, j]
+        return
+    for k in range(wide):
+        at = max(sample - late[k], 0)
+        for j in range(n_u):
+            u[j, k] = inputs[at, j]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def load_state(  # type: ignore[no-untyped-def]
+    wide, p, x, state_rows, position_row, speed_row, follows, position, h
+):
+    """Write a core state to the argument rows, with the measured position in its place.
+
+    Beside it goes the angle that the shaft turns in a step of length `h` (W,).
+    """
+    if speed_row >= 0:
+        for k in range(wide):
+            p[TURN + k] = h[k] * x[speed_row, k]
+    for j in range(x.shape[0]):
+        row = state_rows[j] * LANES
+        if follows and j == position_row:
+            for k in range(wide):
+                p[row + k] = position[k]
+        else:
+            for k in range(wide):
+                p[row + k] = x[j, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def clear(wide, p, rows):  # type: ignore[no-untyped-def]
+    """Set the equation rows to zero."""
+    for j in range(rows.shape[0]):
+        row = rows[j] * LANES
+        for k in range(wide):
+            p[row + k] = 0.0
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def evaluate_rates(wide, p, base, calls, memory_rate):  # type: ignore[no-untyped-def]
+    """Set the rates of all own states."""
+    for s in range(memory_rate.shape[0]):
+        row = memory_rate[s]
+        for k in range(wide):
+            p[row + k] = 0.0
+    call_all(wide, base, calls, 0, calls.shape[0])
