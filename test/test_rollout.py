@@ -87,8 +87,9 @@ def test_waves_shorter_than_a_step_average_out(volts, share):
     assert np.std(coarse.outputs['speed'] - fine.outputs['speed']) < share * effect
 
 
-def test_steps_are_short_where_the_current_follows_the_input():
+def test_steps_are_short_where_the_current_follows_the_input(monkeypatch):
     """The current follows within a fiftieth of a sample, and the supply sags with it."""
+    monkeypatch.setattr(rollout, 'FINEST', 1)
     held = random_steps(300)
     record = Record(5 * held.time, {'voltage': held['voltage']}, held.units)
     model = Model.base('brushed_dc', {**MOTOR, 'L': 2e-4}).with_effect('supply_sag', {'a': 0.02})
@@ -98,7 +99,7 @@ def test_steps_are_short_where_the_current_follows_the_input():
 
     coarse, fine, truth = speed(8), speed(16), speed(512)
     assert np.std(coarse - truth) < 1.5e-4 * np.std(truth)
-    assert np.std(fine - truth) < 0.5 * np.std(coarse - truth)
+    assert np.std(fine - truth) < 0.35 * np.std(coarse - truth)
 
 
 def test_a_sample_in_which_friction_turns_is_taken_in_finer_steps(monkeypatch):

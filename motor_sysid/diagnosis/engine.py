@@ -192,7 +192,7 @@ class Engine:
         """Return a fit with an effect that does not pass alone, and what passes on top of it.
 
         What else does as well as that effect is noted in `rivals`.  No step is made from a model
-        that leaves nothing for certain.
+        that leaves nothing for certain, beside what its integration does wrong.
         """
         cost, rows = profile_cost(rung, self.bench, self.weighting(rung))
         if cost * (1.0 - self.bench.wrong) < SURELY_MORE * rows:

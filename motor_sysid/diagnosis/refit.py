@@ -11,6 +11,7 @@ from motor_sysid.diagnosis.rung import (
     climb,
     FINER,
     judge,
+    leaves_much,
     lost,
     Rung,
     some_of,
@@ -77,20 +78,30 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         return one, model, first
 
     fits = [begun(one, model) for one, model in tried]
-    one, model = tried[0]
-    if any('i_eps' in effect(key).needs() for key in model.effects):
-        slid = model
-        for wider in WIDE:
-            slid = slid.with_values({'i_eps': wider * model['i_eps']})
-            slid = rough_fit(slid, rung.result.weighting, bench, ROUGH_STEPS).model
-        fits.append(begun(one, slid.with_values({'i_eps': model['i_eps']})))
     one, model, first = min(fits, key=lambda fit: misfit(fit[2]))
     for sensor in bench.sensors:
         if sensor is not rung.model.speed_sensor:
             fits.append(begun(one, replace(model, speed_sensor=sensor)))
     one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
     rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
+    if _chatters(model) and leaves_much(rung, bench):
+        seen = replace(model, speed_sensor=rough.model.speed_sensor)
+        rough = min(rough, _slid(seen, first.weighting, bench), key=misfit)
     return judged(one, _standing(rough, bench), level, bench)
+
+
+def _chatters(model: Model) -> bool:
+    """Whether a law of the model has a sign of current."""
+    return any('i_eps' in effect(key).needs() for key in model.effects)
+
+
+def _slid(model: Model, weighting: Weighting, bench: Bench) -> FitResult:
+    """Return a rough fit from where wide signs of current lead."""
+    width = model['i_eps']
+    for wider in WIDE:
+        wide = model.with_values({'i_eps': wider * width})
+        model = rough_fit(wide, weighting, bench, ROUGH_STEPS).model
+    return rough_fit(model.with_values({'i_eps': width}), weighting, bench, ROUGH_STEPS)
 
 
 def try_beside(trial: Trial, other: Trial, level: Level, bench: Bench) -> Trial:

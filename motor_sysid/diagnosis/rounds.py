@@ -16,7 +16,7 @@ from motor_sysid.diagnosis.refit import (
     try_roughly,
     try_thoroughly,
 )
-from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, slopes
+from motor_sysid.diagnosis.rung import climb, leaves_much, profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
@@ -30,16 +30,14 @@ from motor_sysid.diagnosis.verdict import (
 )
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
-from motor_sysid.signals.noise import noise_sigmas
 
 Tell = Callable[[str], None]
 
 WORKERS = 2
 """Refits that may run at the same time; what they find does not depend on it."""
 
-LOST, THOROUGH = 5.0, 3
-"""Held-out error in units of the sensor noise from which on, if nothing passes, so many effects
-are fitted in full."""
+THOROUGH = 3
+"""Effects that are fitted in full if nothing passes and the model leaves much."""
 
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
@@ -160,9 +158,7 @@ def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
     """
     if base is not None and explains(rung, base):
         return False
-    left = np.concatenate(rung.held.residuals)
-    noise = noise_sigmas(rung.held.residuals, bench.differenced(rung.model))
-    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > LOST * noise))
+    return leaves_much(rung, bench)
 
 
 def _again(

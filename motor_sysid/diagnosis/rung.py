@@ -21,6 +21,7 @@ from motor_sysid.estimation.batch.least_squares import normal_equations
 from motor_sysid.physics.effect import Scale
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.signals.noise import noise_sigmas
 
 Array = NDArray[np.float64]
 
@@ -42,6 +43,10 @@ SPOILED = 1.02
 """Held-out error over what it was, from which on another fit counts for less, whatever its
 evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
 tell, a fit in which one effect takes the place of another, or one with another speed sensor."""
+
+LOST = 5.0
+"""Held-out error in units of the sensor noise from which on what is missing may pass for noise,
+and parameters may be far astray."""
 
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
@@ -144,6 +149,13 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
     if bench.held_free is not bench.held:
         free = compare(result.model, bench.held_free, outputs, substeps=substeps)
     return Rung(result, training, free, held, tuple(near), substeps)
+
+
+def leaves_much(rung: Rung, bench: Bench) -> bool:
+    """Whether the held-out error of a model is many times the sensor noise in some channel."""
+    left = np.concatenate(rung.held.residuals)
+    noise = noise_sigmas(rung.held.residuals, bench.differenced(rung.model))
+    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > LOST * noise))
 
 
 def held_at_best(rung: Rung, bench: Bench) -> Comparison:
