@@ -1,4 +1,4 @@
-"""A drop with the sign of the current, between samples that are long beside the motor's own times."""
+"""A drop with the sign of the current, between samples that are long beside the motor's times."""
 
 import numpy as np
 
