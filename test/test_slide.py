@@ -13,7 +13,7 @@ DT, COUNT = 5e-3, 1600
 
 
 def idle_motor() -> Record:
-    """Return a motor without load: a drop of a tenth of the voltage is thirty times R i."""
+    """Return a motor without load: a drop of an eighth of the voltage is thirty times R i."""
     rng = np.random.default_rng(3)
     t = DT * np.arange(COUNT)
     triangle = 24 * (2 * np.abs(2 * ((t / 3) % 1) - 1) - 1)

@@ -193,6 +193,7 @@ class Motion:
         """Return simulations with coordinates (p, K)."""
         table = np.repeat(self._values[:, np.newaxis], cloud.shape[1], axis=1)
         table[self._rows] = self._moved.values(cloud.T).T
+        # finer pieces where a sign turns would be nine sets of matrices for every sample
         workspace = self._program.workspace(
             table, h, self._substeps, delayed=False, turning=False
         )
