@@ -90,17 +90,37 @@ def note(
         model=model, training=SimpleNamespace(error_percent=trained), result=result
     )
     return gate_note(
-        scored, new, old, delta, gain, steady, certain, deep, 20.0, mends=mends
+        scored, new, old, delta, gain, steady, certain, deep, 20.0, 10.0, mends=mends
     )
 
 
-def with_effect(key, values):
+def with_effect(key, values, others=()):
     t = 1e-3 * np.arange(1000)
     wave = np.sin(9 * t)
     columns = {'voltage': 12 * wave, 'current': wave, 'speed': 200 * wave}
     units = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'}
     scales = scales_of('brushed_dc', MOTOR, [Record(t, columns, units)])
-    return Model.base('brushed_dc', MOTOR).with_effect(key, values, scales)
+    model = Model.base('brushed_dc', MOTOR)
+    for other in others:
+        model = model.with_effect(other, others[other], scales)
+    return model.with_effect(key, values, scales)
+
+
+@pytest.mark.parametrize(
+    ('values', 'beside', 'says'),
+    [
+        ({'d_c': -1e-4}, (), UNPHYSICAL),
+        ({'d_c': 1e-4}, (), ''),
+        ({'d_v': -2e-6}, (), ''),
+        ({'d_v': -4e-6}, (), UNPHYSICAL),
+        ({'d_c': -1e-4}, ('coulomb_friction',), ''),
+        ({'d_c': -3e-4}, ('coulomb_friction',), UNPHYSICAL),
+    ],
+)
+def test_friction_does_not_drift_below_nothing(values, beside, says):
+    """Within 10 s: b is 3e-5, and Coulomb friction, where there is some, 2 mN m."""
+    model = with_effect('friction_drift', values, {key: {'tau_c': 2e-3} for key in beside})
+    assert note(model, 'friction_drift', gain=10.0, sigmas=0.01) == says
 
 
 def test_a_ratio_at_its_limit_means_another_law():

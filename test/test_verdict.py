@@ -8,6 +8,7 @@ import pytest
 from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
+from motor_sysid.diagnosis.synonyms import other_names
 from motor_sysid.diagnosis.trial import searching, Trial
 from motor_sysid.diagnosis.verdict import (
     doubts,
@@ -17,20 +18,52 @@ from motor_sysid.diagnosis.verdict import (
     verdict_of,
     winner_of,
 )
-from motor_sysid.diagnosis.words import other_names
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
 from motor_sysid.physics.parameters import Parameter, ParameterSet
+from motor_sysid.physics.scales import scales_of
 from motor_sysid.signals import Record
 
 FLOOR = 1.0
+MOTOR = {'R': 1.0, 'L': 1e-3, 'k_t': 0.05, 'J': 1e-5, 'b': 1e-5}
+UNITS = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'}
 NOISE = Remainder({}, FLOOR, 1.05 * FLOOR, 1.05, 0.0)
 LEFT = Remainder({}, FLOOR, 4.0, 4.0, 0.9)
 
 
-def trial(key, delta_bic, *, note='', excess=1.0, inherits=False, gain=10.0):
+WAVES = np.random.default_rng(2).normal(size=(2, 1000))
+"""Two changes of an output that have nothing in common."""
+
+
+def run(change, model=None):
+    """Return a fit that changes an output by so much, and the model that it is of."""
+    runs = SimpleNamespace(predictions=({'speed': 10.0 + change},))
+    return SimpleNamespace(model=model, training=runs, validation=SimpleNamespace(predictions=()))
+
+
+def fitted(key, values=None, beside=()):
+    """Return a model with an effect, at given values, and with others."""
+    t = 1e-3 * np.arange(1000)
+    columns = {'voltage': np.sin(9 * t), 'current': np.sin(9 * t), 'speed': np.sin(9 * t)}
+    scales = scales_of('brushed_dc', MOTOR, [Record(t, columns, UNITS)])
+    model = Model.base('brushed_dc', MOTOR)
+    for other in beside:
+        model = model.with_effect(other, {}, scales)
+    return model.with_effect(key, values or {}, scales)
+
+
+def trial(
+    key, delta_bic, *, note='', excess=1.0, inherits=False, gain=10.0, change=WAVES[0],
+    values=None, beside=(),
+):  # fmt: skip
     """Return the trial of an effect as it came out."""
     variant = SimpleNamespace(effect=effect(key), inherits=inherits)
-    return Trial(SimpleNamespace(variant=variant), None, delta_bic, gain, 1.0, note, excess)
+    model = fitted(key, values, beside)
+    fit = run(change, model)
+    return Trial(SimpleNamespace(variant=variant), fit, delta_bic, gain, 1.0, note, excess)
+
+
+BASE = run(0.0 * WAVES[0])
 
 
 def rung(error_percent, unidentifiable=(), *, effects=(), friction=1e-5):
@@ -98,7 +131,7 @@ def test_a_special_case_goes_before_equals():
 def test_a_rival_is_close_behind_and_closer_where_only_noise_is_left(behind, excess, rivals):
     """Within 10, or within 2 % of the winner's 1000 where it leaves more than noise."""
     best = trial('quadratic_drag', 1000.0, excess=excess)
-    assert rivals_of(best, [best, trial('cogging_torque', 1000.0 - behind)]) == rivals
+    assert rivals_of(best, [best, trial('cogging_torque', 1000.0 - behind)], BASE) == rivals
 
 
 @pytest.mark.parametrize(
@@ -111,9 +144,9 @@ def test_an_effect_of_uncertain_size_may_rival(note, rival):
 
 def test_a_special_case_is_no_rival():
     best = trial('stribeck_friction', 1000.0)
-    assert rivals_of(best, [best, trial('coulomb_friction', 999.0)]) == ()
+    assert rivals_of(best, [best, trial('coulomb_friction', 999.0)], BASE) == ()
     best = trial('coulomb_friction', 1000.0)
-    assert rivals_of(best, [best, trial('stribeck_friction', 999.0)]) == ()
+    assert rivals_of(best, [best, trial('stribeck_friction', 999.0)], BASE) == ()
 
 
 def test_the_same_law_under_another_name_is_no_rival():
@@ -121,15 +154,49 @@ def test_the_same_law_under_another_name_is_no_rival():
     load = trial('constant_load_torque', 1000.0)
     wider = trial('asymmetric_coulomb_friction', 1001.0, inherits=True)
     assert winner_of([wider, load]) is load
-    assert rivals_of(load, [wider, load]) == ()
+    assert rivals_of(load, [wider, load], BASE) == ()
     fresh = trial('asymmetric_coulomb_friction', 1001.0)
-    assert rivals_of(load, [fresh, load]) == ('asymmetric_coulomb_friction',)
+    assert rivals_of(load, [fresh, load], BASE) == ('asymmetric_coulomb_friction',)
+
+
+def test_what_changes_other_things_in_the_outputs_is_no_rival():
+    """Two effects that gain alike by different changes are both missing."""
+    best = trial('input_delay', 1000.0)
+    half = trial('lugre_friction', 999.0, change=0.8 * WAVES[0] + 0.3 * WAVES[1])
+    other = trial('lugre_friction', 999.0, change=WAVES[1])
+    assert rivals_of(best, [best, half], BASE) == ('lugre_friction',)
+    assert rivals_of(best, [best, other], BASE) == ()
+
+
+@pytest.mark.parametrize(('bend', 'wins'), [(1.0, 'lugre_friction'),
+                                            (0.0, 'stribeck_friction')])  # fmt: skip
+def test_bristles_that_do_not_bend_are_a_special_case(bend, wins):
+    """A shape on its lower bound makes a law the special case, however little that explains."""
+    p = fitted('lugre_friction').parameters['lugre_friction.z_s']
+    z_s = p.lower * (p.upper / p.lower) ** (0.5 * bend)
+    passing = [
+        trial('lugre_friction', 500.0, values={'z_s': z_s}), trial('stribeck_friction', 190.0)
+    ]  # fmt: skip
+    assert winner_of(passing).key == wins
+
+
+def test_an_offset_of_the_speed_is_a_load_unless_something_depends_on_the_motion():
+    offset, load = trial('speed_sensor_offset', 1000.0), trial('constant_load_torque', 999.0)
+    assert rivals_of(offset, [offset, load], BASE) == ()
+    assert rivals_of(load, [load, offset], BASE) == ()
+    offset = trial('speed_sensor_offset', 1000.0, beside=('coulomb_friction',))
+    load = trial('constant_load_torque', 999.0, beside=('coulomb_friction',))
+    assert rivals_of(offset, [offset, load], BASE) == ('constant_load_torque',)
 
 
 def test_the_other_name_is_told():
-    (line,) = other_names(('brush_voltage_drop', 'coulomb_friction', 'constant_load_torque'))
-    assert 'same law as asymmetric Coulomb friction' in line
-    assert other_names(('coulomb_friction', 'gravity_load')) == []
+    both = fitted('constant_load_torque', beside=('brush_voltage_drop', 'coulomb_friction'))
+    (line,) = other_names(both)
+    assert 'together are the same law as asymmetric Coulomb friction' in line
+    assert other_names(fitted('coulomb_friction', beside=('gravity_load',))) == []
+    for key in ('speed_sensor_offset', 'constant_load_torque'):
+        (line,) = other_names(fitted(key, beside=('brush_voltage_drop',)))
+        assert 'constant load torque is the same law as speed sensor offset' in line
 
 
 # --- what is doubted

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.found import Rivalry
 from motor_sysid.diagnosis.residual import balance, measured_states
 from motor_sysid.diagnosis.result import Step
+from motor_sysid.diagnosis.rung import Rung
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -24,6 +25,9 @@ Runs = Sequence[Mapping[str, Array]]
 
 SAMPLES = 1500
 """Samples at which forces are compared."""
+
+SHARED = 0.5
+"""Share of what they change in the outputs below which two effects are no rivals."""
 
 FURTHER = 2.0
 """How many times as much as here the forces must differ for a regime to be named."""
@@ -45,6 +49,22 @@ class Compared:
     one: Runs
     two: Runs
     models: tuple[Model, Model]
+
+
+def compared(base: Rung, one: Rung, two: Rung) -> Compared:
+    """Return what two fits are compared by, and the fit that lacks what they differ in."""
+    without, first, second = (
+        (*rung.training.predictions, *rung.validation.predictions) for rung in (base, one, two)
+    )
+    return Compared(without, first, second, (one.model, two.model))
+
+
+def alike(found: Compared) -> bool:
+    """Whether two fits change much the same in the outputs.
+
+    Two that do as well and do not are no rivals: both of what they stand for may be missing.
+    """
+    return _overlap(found) > SHARED
 
 
 def rivalries_of(

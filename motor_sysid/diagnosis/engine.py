@@ -105,7 +105,7 @@ class Engine:
                 rung, trials = step
                 passing = [t for t in trials if t.passes]
             winner = winner_of(passing)
-            rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)])
+            rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)], rung)
             self.gains[winner.key] = winner.delta_bic
             self.tell(
                 f'adding {winner.scored.variant.effect.card.title}: held-out error '
@@ -205,7 +205,7 @@ class Engine:
             second = second_of(further, rung)
             if second is not None:
                 self.gains[first.key] = first.delta_bic
-                rivals[first.key] = rivals_of(first, possible[k:])
+                rivals[first.key] = rivals_of(first, possible[k:], rung)
                 return fitted, [replace(t, note='') if t is second else t for t in further]
         return None
 

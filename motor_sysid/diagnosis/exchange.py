@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
-from motor_sysid.diagnosis.apart import Compared
-from motor_sysid.diagnosis.gate import MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.apart import alike, Compared, compared
+from motor_sysid.diagnosis.gate import feeds, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     parameters_of,
@@ -19,7 +19,7 @@ from motor_sysid.diagnosis.refit import (
 )
 from motor_sysid.diagnosis.rounds import WORKERS
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, SPOILED, vanished
-from motor_sysid.diagnosis.score import Scores
+from motor_sysid.diagnosis.score import Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, Trial
 from motor_sysid.diagnosis.verdict import margin_of, may_rival, RIVAL_BIC, RIVAL_SHARE
@@ -103,9 +103,12 @@ class Exchange:
                         continue
                     if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
                         return self.exchanged(key, trial, rung)
+                    found = compared(slim, rung, trial.rung)
+                    if not alike(found):
+                        continue
                     if trial.key not in rivals.get(key, ()):
                         rivals[key] = (*rivals.get(key, ()), trial.key)
-                    self.compared[key, trial.key] = _compared(slim, rung, trial.rung)
+                    self.compared[key, trial.key] = found
             better = self.best_pair(key, level, scores, mine, rivals)
             if better is not None and _runs_better(better, rung, key):
                 return climb(better.model, self.bench, rung.result.weighting)
@@ -209,7 +212,7 @@ class Exchange:
             tried = [
                 one
                 for one in fits
-                if not any(vanished(one[0].model, part.variant.effect.key) for part in one[2])
+                if not any(self.impossible(one[0].model, part) for part in one[2])
             ]
         tried.sort(key=lambda one: -one[1])
         if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
@@ -223,10 +226,15 @@ class Exchange:
                 slim = climb(
                     tried[0][0].model.without_effect(mine), self.bench, briefly=True
                 )
-                self.compared[mine, theirs] = _compared(slim, tried[0][0], fitted)
+                self.compared[mine, theirs] = compared(slim, tried[0][0], fitted)
         self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
         self.gains.update(dict.fromkeys(best, tried[0][1]))
         return tried[0][0]
+
+    def impossible(self, model: Model, part: Scored) -> bool:
+        """Whether physics forbids what a fit has made of an effect of it."""
+        key = part.variant.effect.key
+        return vanished(model, key) or feeds(model, key, self.bench.scales.duration)
 
     def substitutes(
         self, key: str, level: Level, scores: Scores, gain: float
@@ -275,11 +283,3 @@ def _beside(trial: Trial, rung: Rung) -> Trial:
             values = {name: one[0] for name, one in parameters_of(rung.model, key).items()}
             model = model.with_effect(key, values)
     return replace(trial, rung=replace(rung, result=replace(rung.result, model=model), near=()))
-
-
-def _compared(base: Rung, one: Rung, two: Rung) -> Compared:
-    """Return what two fits that do as well as each other are compared by."""
-    without, first, second = (
-        (*rung.training.predictions, *rung.validation.predictions) for rung in (base, one, two)
-    )
-    return Compared(without, first, second, (one.model, two.model))

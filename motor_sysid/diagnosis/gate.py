@@ -153,6 +153,16 @@ def gone(new: Model, old: Model) -> str:
     return ''
 
 
+def feeds(model: Model, key: str, duration: float) -> bool:
+    """Whether an effect uses up a friction in `duration` s for certain, and feeds energy then."""
+    for name, sources in effect(key).card.drains.items():
+        p = model.parameters[f'{key}.{name}']
+        there = sum(model[source] for source in sources if source in model.parameters)
+        if (p.value + TOLD * (p.sigma or 0.0)) * duration < -there:
+            return True
+    return False
+
+
 def is_told(model: Model, key: str) -> bool:
     """Whether an amplitude of an effect is told from zero, whatever else is not known."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
@@ -191,6 +201,7 @@ def gate_note(
     certain: bool,
     deep: bool,
     threshold: float,
+    duration: float,
     *,
     mends: bool = False,
 ) -> str:
@@ -212,11 +223,13 @@ def gate_note(
         Whether the whitened held-out error falls beyond doubt.
     deep:
         Whether, more than that, it was far above the noise and comes near it; see `DEEP`.
+    duration:
+        Time of the longest record, s.
     mends:
         Whether it leaves nothing but noise where there was more; see `TORN`.
     """
     key = scored.variant.effect.key
-    if vanished(new.model, key):
+    if vanished(new.model, key) or feeds(new.model, key, duration):
         return UNPHYSICAL
     if not np.isfinite(delta):
         return 'cannot be simulated'

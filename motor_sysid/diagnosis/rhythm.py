@@ -17,7 +17,7 @@ LINE, REACH = 50.0, 20
 """Power of a line in units of the median of its surroundings, which reach so many lines (the
 inverse of the record's length) to either side; noise has 50 once in 1e15."""
 
-_WIDTH, _LOBE = 1.5, 5.0
+_WIDTH, LOBE = 1.5, 5.0
 _FINER = 2
 
 
@@ -69,4 +69,4 @@ def _stands_out(power: Array, line: float) -> bool:
         return False
     peak = float(np.max(power[near[at]]))
     tall = peak > LINE * np.median(power[near])
-    return bool(tall and peak >= np.max(power[near[away < _LOBE]]))
+    return bool(tall and peak >= np.max(power[near[away < LOBE]]))

@@ -150,8 +150,9 @@ def judged(
     )
     threshold = max(bench.threshold, inexact)
     note = gate_note(
-        scored, new, rung, delta, gain, steady, certain, deep, threshold, mends=mends
-    )
+        scored, new, rung, delta, gain, steady, certain, deep, threshold,
+        bench.scales.duration, mends=mends,
+    )  # fmt: skip
     if note == NO_EVIDENCE and delta > bench.threshold:
         note = INEXACT
     return Trial(scored, new, delta, gain, steady, note, after / rows)

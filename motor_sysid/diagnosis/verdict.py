@@ -5,10 +5,12 @@ from itertools import pairwise
 
 import numpy as np
 
+from motor_sysid.diagnosis.apart import alike, compared
 from motor_sysid.diagnosis.gate import combined_error, gone, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
+from motor_sysid.diagnosis.synonyms import is_other_name
 from motor_sysid.diagnosis.trial import Trial
 from motor_sysid.physics.effects import effect
 
@@ -20,6 +22,9 @@ winner leaves more than noise: what remains may then favour either of them by ch
 
 SPECIAL_SHARE = 0.5
 """A special case goes first if it explains this share of what its generalisation explains."""
+
+LOWEST = 1.01
+"""A shape lies on its lower bound up to this multiple of it."""
 
 LEFT_OVER = 0.2
 """Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
@@ -66,11 +71,21 @@ def winner_of(passing: Sequence[Trial]) -> Trial:
 
 
 def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
-    """Return the end of the chain of special cases, each of which explains most of the last."""
+    """Return the end of the chain of special cases, each of which explains most of the last.
+
+    Or all of it, where a shape of the wider law lies at the end where it is the special case.
+    """
     covered = trial.scored.variant.effect.card.generalises
-    enough = SPECIAL_SHARE * trial.delta_bic
+    enough = -np.inf if _is_special(trial) else SPECIAL_SHARE * trial.delta_bic
     special = next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
     return trial if special is None else _simplest(special, passing)
+
+
+def _is_special(trial: Trial) -> bool:
+    """Whether a shape lies on its lower bound: bristles that do not bend, say."""
+    names = [f'{trial.key}.{shape.name}' for shape in trial.scored.variant.effect.card.shapes]
+    own = [trial.rung.model.parameters[n] for n in names if n in trial.rung.model.parameters]
+    return any(p.free and p.value <= LOWEST * p.lower for p in own)
 
 
 def may_rival(trial: Trial) -> bool:
@@ -78,13 +93,14 @@ def may_rival(trial: Trial) -> bool:
     return trial.passes or trial.note == UNCERTAIN
 
 
-def rivals_of(winner: Trial, trials: Sequence[Trial]) -> tuple[str, ...]:
+def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, ...]:
     """Return the effects that explain the data as well as the winner does.
 
     One that comes to the same law is none: no experiment tells the two apart, and no question is
-    open.
+    open.  Nor is one that changes other things in the outputs of `base`: it is missing as well.
     """
-    return tuple(t.key for t in _equals(winner, trials) if not same_law(t, winner))
+    equals = [t for t in _equals(winner, trials) if not same_law(t, winner)]
+    return tuple(t.key for t in equals if alike(compared(base, winner.rung, t.rung)))
 
 
 def _equals(best: Trial, passing: Sequence[Trial]) -> list[Trial]:
@@ -106,13 +122,19 @@ def related(one: Trial, other: Trial) -> bool:
 
 
 def same_law(one: Trial, other: Trial) -> bool:
-    """Whether two trials come to one law: it widens an effect of the model, or is added to it."""
+    """Whether two trials come to one law.
+
+    Either it widens an effect of the model or is added to it, or it has two names.
+    """
     return _completes(one.key, other) or _completes(other.key, one)
 
 
 def _completes(key: str, trial: Trial) -> bool:
     variant = trial.scored.variant
-    return variant.inherits and key in variant.effect.card.sum_of
+    parts = variant.effect.card.sum_of
+    if parts == (key,):
+        return is_other_name(variant.effect, trial.rung.model)
+    return variant.inherits and key in parts
 
 
 def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:

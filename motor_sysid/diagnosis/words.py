@@ -5,7 +5,8 @@ from collections.abc import Mapping, Sequence
 from motor_sysid.diagnosis.found import BlindSpot, Evidence, Rivalry, Unknown, WrongParameter
 from motor_sysid.diagnosis.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Step, Verdict
-from motor_sysid.physics.effects import catalogue, effect
+from motor_sysid.diagnosis.synonyms import other_names
+from motor_sysid.physics.effects import effect
 
 _EXPERIMENTS = {
     'reversals': 'several constant speeds from very slow to fast, in both directions, 1 s each',
@@ -112,7 +113,7 @@ def named(
     ]
     lines += [one.words for one in evidence]
     lines += [one.words for one in rivalries]
-    lines += other_names(last.model.effects)
+    lines += other_names(last.model)
     if left.structured:
         lines.append(
             f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
@@ -120,16 +121,6 @@ def named(
         )
         lines += shapes(found)
     return lines
-
-
-def other_names(effects: Sequence[str]) -> list[str]:
-    """Say which effect of the catalogue is the same as several of those together."""
-    return [
-        f'{" and ".join(effect(part).card.title for part in one.card.sum_of)} together are the '
-        f'same law as {one.card.title}: no record tells which of the two it is.'
-        for one in catalogue().values()
-        if one.card.sum_of and set(one.card.sum_of) <= set(effects)
-    ]
 
 
 def wrong(found: Sequence[WrongParameter]) -> list[str]:

@@ -188,6 +188,9 @@ class Card:
     shrinks:
         Motor parameters, those of every kind, that hold the effect's share while the model lacks
         it; they are divided by one plus its first amplitude when it is added.
+    drains:
+        Amplitude, per second, to the parameters (of motors of every kind, of other effects) whose
+        sum it must not use up within a record: friction would feed energy.
     orders:
         Name of the shape that counts waves per turn, if the data are to be searched for it.
     carrier:
@@ -225,6 +228,7 @@ class Card:
     sum_of: tuple[str, ...] = ()
     rotary: bool = False
     shrinks: tuple[str, ...] = ()
+    drains: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     orders: str = ''
     carrier: str = ''
     moment: str = ''

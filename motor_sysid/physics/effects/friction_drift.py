@@ -16,6 +16,11 @@ CARD = Card(
         Amplitude('d_v', 'N m/rad', 'growth of viscous friction in a second', Scale.VISCOUS_DRIFT),
     ),
     axis='time',
+    drains={
+        'd_c': ('coulomb_friction.tau_c', 'stribeck_friction.tau_c', 'lugre_friction.tau_c',
+                'asymmetric_coulomb_friction.tau_c_plus'),
+        'd_v': ('b', 'k_v'),
+    },
 )
 
 

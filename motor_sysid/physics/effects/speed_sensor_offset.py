@@ -10,6 +10,7 @@ CARD = Card(
     enters=Enters.SENSOR,
     amplitudes=(Amplitude('o', 'rad/s', 'speed that is shown at standstill', Scale.SPEED, 1.0),),
     axis='speed',
+    sum_of=('constant_load_torque',),
 )
 
 

@@ -1,0 +1,43 @@
+"""Effects that no record tells apart: one law under two names."""
+
+from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effects import catalogue, effect
+from motor_sysid.physics.model import Model
+
+MOTION = {'omega', 'theta', 'turn', 'domega'}
+"""What laws ask for that depend on the motion."""
+
+
+def is_other_name(one: Effect, model: Model) -> bool:
+    """Whether an effect that is another one under another name is that in this model, too.
+
+    What a wrong zero of a sensor does is a load only where nothing else depends on the motion.
+    """
+    names = {one.key, *one.card.sum_of}
+    others = [effect(key) for key in model.effects if key not in names]
+    return not model.kind.frame and not any(other.needs() & MOTION for other in others)
+
+
+def other_names(model: Model) -> list[str]:
+    """Say what a model's effects may be called as well."""
+    return [
+        _same([effect(key).card.title for key in one.card.sum_of], one.card.title)
+        for one in catalogue().values()
+        if _is_there(one, model)
+    ]
+
+
+def _is_there(one: Effect, model: Model) -> bool:
+    """Whether a model holds an effect under another name, or one that has just one other."""
+    parts, there = set(one.card.sum_of), set(model.effects)
+    if len(parts) == 1:
+        return bool(there & {one.key, *parts}) and is_other_name(one, model)
+    return bool(parts) and parts <= there
+
+
+def _same(parts: list[str], title: str) -> str:
+    are = 'together are' if len(parts) > 1 else 'is'
+    return (
+        f'{" and ".join(parts)} {are} the same law as {title}: no record tells which of the two '
+        'it is.'
+    )
