@@ -86,7 +86,7 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
     if _chatters(model) and leaves_much(rung, bench):
         seen = replace(model, speed_sensor=rough.model.speed_sensor)
-        rough = min(rough, _slid(seen, first.weighting, bench), key=misfit)
+        rough = min(rough, slid(seen, first.weighting, bench), key=misfit)
     return judged(one, _standing(rough, bench), level, bench)
 
 
@@ -95,7 +95,7 @@ def _chatters(model: Model) -> bool:
     return any('i_eps' in effect(key).needs() for key in model.effects)
 
 
-def _slid(model: Model, weighting: Weighting, bench: Bench) -> FitResult:
+def slid(model: Model, weighting: Weighting, bench: Bench) -> FitResult:
     """Return a rough fit from where wide signs of current lead."""
     width = model['i_eps']
     for wider in WIDE:
