@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.estimation.batch.information import information
 from motor_sysid.estimation.batch.problem import Linearization
 from motor_sysid.estimation.batch.stationary import stationary_scores
@@ -10,6 +11,8 @@ from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.simulate import simulate
+from motor_sysid.signals.record import Record
 
 COUNT, RUNS = 3000, 120
 WHITE = Weighting(np.ones(2))
@@ -40,7 +43,7 @@ def scatter(memory: float) -> np.ndarray:
     for _ in range(RUNS):
         error = errors(rng, memory)
         off = inverse @ flat.T @ error.ravel()
-        near = Linearization(error - slope @ off, slope, np.empty((COUNT, 2, 0)))
+        near = Linearization(error - slope @ off, slope, np.empty((COUNT, 2, 0)), np.ones(3))
         spread = inverse @ stationary_scores([near], WHITE) @ inverse
         found.append(off / np.sqrt(np.diag(spread)))
     return np.array(found)
@@ -58,7 +61,7 @@ def test_the_sum_over_lags_is_what_it_says():
     rng = np.random.default_rng(2)
     error, slope = rng.normal(size=(60, 2)), rng.normal(size=(60, 2, 2))
     error[:, 1] += np.roll(error[:, 0], 2)
-    near = Linearization(error, slope, np.empty((60, 2, 0)))
+    near = Linearization(error, slope, np.empty((60, 2, 0)), np.ones(2))
     found = stationary_scores([near], WHITE)
     most = 6
     x = np.abs(np.arange(-most, most + 1)) / most
@@ -75,6 +78,30 @@ def test_the_sum_over_lags_is_what_it_says():
     ratio = found / (0.5 * (expected + expected.T))
     np.testing.assert_allclose(ratio, ratio[0, 0], rtol=1e-9)
     assert 1.0 < ratio[0, 0] < 1.1
+
+
+@pytest.mark.parametrize('begun', [0.0, 2e-8, 5e-7])
+def test_standard_errors_do_not_depend_on_where_a_fit_began(begun):
+    """A coordinate is as large as the value that its problem began with; boxes are wide open."""
+    rng = np.random.default_rng(4)
+    t = 2e-3 * np.arange(4000)
+    volts = np.repeat(rng.uniform(-12, 12, 80), 50)
+    motor = {'R': 1.2, 'L': 1.5e-3, 'k_t': 0.055, 'J': 8e-5, 'b': 3e-5}
+    truth = Model.base('brushed_dc', motor).with_effect('quadratic_drag', {'k_d': 3e-7})
+    drive = Record(t, {'voltage': volts}, {'voltage': 'V'})
+    shown = simulate(truth, drive).outputs
+    columns = {
+        'voltage': volts,
+        'current': shown['current'] + 0.02 * rng.standard_normal(t.size),
+        'speed': shown['speed'] + 0.3 * rng.standard_normal(t.size),
+    }
+    record = Record(t, columns, {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'})
+    start = Model.base('brushed_dc', motor).with_effect('quadratic_drag', {'k_d': begun})
+    found = {p.name: p for p in fit_model([record], model=start).model.parameters}
+    k_d = found['quadratic_drag.k_d']
+    assert abs(k_d.value - 3e-7) < 4 * k_d.sigma
+    assert k_d.sigma == pytest.approx(4.56e-9, rel=0.05)
+    assert all(np.isfinite(found[name].sigma) for name in motor)
 
 
 def test_a_scale_that_nothing_fixes_has_no_standard_error():

@@ -157,7 +157,7 @@ def test_a_run_without_bound_is_left_as_it_is(bad, spoilt):
     rng = np.random.default_rng(3)
     parts = {'residual': rng.normal(size=(50, 1)), 'start': rng.normal(size=(50, 1, 2))}
     parts[spoilt][20:] = bad
-    near = Linearization(parts['residual'], np.empty((50, 1, 0)), parts['start'])
+    near = Linearization(parts['residual'], np.empty((50, 1, 0)), parts['start'], np.empty(0))
     found = Problem.settled(near, Weighting(np.ones(1)))
     assert np.array_equal(found, parts['residual'], equal_nan=True)
 
@@ -165,7 +165,7 @@ def test_a_run_without_bound_is_left_as_it_is(bad, spoilt):
 def test_open_initial_states_are_set_to_their_best():
     rng = np.random.default_rng(3)
     noise, start = rng.normal(size=(50, 1)), rng.normal(size=(50, 1, 2))
-    near = Linearization(noise + start @ [0.7, -2.0], np.empty((50, 1, 0)), start)
+    near = Linearization(noise + start @ [0.7, -2.0], np.empty((50, 1, 0)), start, np.empty(0))
     left = Problem.settled(near, Weighting(np.ones(1)))
     assert np.abs(start[:, 0].T @ left).max() < 1e-10
     assert np.std(left) < 1.1

@@ -48,6 +48,10 @@ LOST = 5.0
 """Held-out error in units of the sensor noise from which on what is missing may pass for noise,
 and parameters may be far astray."""
 
+COARSE = 10.0
+"""Size that a fit began with, in units of what it came to, from which on its differences tell
+nothing: an amplitude of zero has none without the box of its card."""
+
 _FAST = (Scale.RATE, Scale.SAMPLE, Scale.ANGLE)
 """Scales of parameters that tell of a memory that fades within some samples."""
 
@@ -101,8 +105,14 @@ def climb(
     problem = bench.problem(model)
     tolerance = BRIEF if briefly else FULL
     result, near = fit_and_slopes(
-        problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance, near=near
-    )
+        problem, start, reweight=reweight, iterations=iterations, tolerance=tolerance,
+        near=problem.adopt(near),
+    )  # fmt: skip
+    begun = bench.problem(result.model)
+    if np.any(problem.size > COARSE * begun.size):
+        result, near = fit_and_slopes(
+            begun, result.weighting, reweight=reweight, iterations=iterations, tolerance=tolerance
+        )
     anew = {} if briefly or not model.effects else lost(result.model, bench)
     if anew:
         other, beside = fit_and_slopes(
@@ -193,9 +203,9 @@ def some_of(bench: Bench, model: Model) -> tuple[Chain, ...]:
 
 def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
     """Return residuals and derivatives of a fitted model over the training data."""
-    if rung.near and rung.substeps == bench.substeps:
-        return rung.near
     problem = bench.problem(rung.model)
+    if rung.near and rung.substeps == bench.substeps:
+        return problem.adopt(rung.near)
     return problem.linearize(problem.vector())
 
 

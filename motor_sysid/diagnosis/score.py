@@ -168,9 +168,10 @@ def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weightin
     scaled = gram / np.outer(scale, scale)
     coefficients = np.linalg.lstsq(scaled[1:, 1:], scaled[1:, 0], rcond=1e-8)[0]
     coefficients = coefficients * scale[0] / scale[1:]
+    rest = [part[:, :, 0] - part[:, :, 1:] @ coefficients for part in raw]
     left = [
-        Linearization(part[:, :, 0] - part[:, :, 1:] @ coefficients, part[:, :, :0], start)
-        for part, start in zip(raw, starts, strict=True)
+        Linearization(error, part[:, :, :0], start, np.empty(0))
+        for error, part, start in zip(rest, raw, starts, strict=True)
     ]
     return coloured([Problem.settled(one, weighting) for one in left], AR_ORDER)
 

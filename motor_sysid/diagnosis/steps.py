@@ -173,9 +173,10 @@ def _followed(rung: Rung, bench: Bench, sigma: Array) -> Rung:
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     lower, upper = problem.box()
     z, slope = problem.vector(), np.abs(problem.slope(problem.vector()))
+    coarse = problem.adopt(rung.near)
     for runs in range(1, CHORDS + 1):
         finer = problem.linearize(z, parameters=False)
-        near = [replace(a, residual=b.residual) for a, b in zip(rung.near, finer, strict=True)]
+        near = [replace(a, residual=b.residual) for a, b in zip(coarse, finer, strict=True)]
         gradient, curvature, cost = normal_equations(near, weighting)
         move = newton_step(gradient, curvature)
         if not np.all(np.isfinite(move)) or np.any((z <= lower) | (z >= upper)):

@@ -1,7 +1,7 @@
 """Output error of a model over records, as a function of a scaled vector: what a fit minimizes."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import accumulate, groupby
 
 import numpy as np
@@ -34,11 +34,14 @@ class Linearization:
         (N, n_y, d) derivative of the simulated outputs by the vector.
     start:
         (N, n_y, m) derivative by the open initial states.
+    size:
+        (d,) size of each coordinate of the vector, in units of its parameter; 1 for a logarithm.
     """
 
     residual: Array
     slope: Array
     start: Array
+    size: Array
 
 
 class Problem:
@@ -185,9 +188,22 @@ class Problem:
             wanted = [k for k, state in enumerate(self._open) if state in stretch.open_states]
             start = 0.5 * (tail[:, :, 0::2] - tail[:, :, 1::2])[:, :, wanted]
             found.append(
-                Linearization(stretch.judged - run[:, :, 0], _sane(slope), _sane(start))
+                Linearization(
+                    stretch.judged - run[:, :, 0], _sane(slope), _sane(start), self.size[:d]
+                )
             )
         return found
+
+    def adopt(self, near: Sequence[Linearization]) -> tuple[Linearization, ...]:
+        """Return what another problem with the same parameters gave, in coordinates of this one.
+
+        The size of a coordinate is that of the value which its problem began with.
+        """
+        return tuple(
+            one if np.array_equal(one.size, self.size)
+            else replace(one, slope=one.slope * (self.size / one.size), size=self.size)
+            for one in near
+        )  # fmt: skip
 
     def _cloud(self, z: Array) -> tuple[Array, Array]:
         """Return (P, d) vectors, z first and then its neighbours, and their (d,) distances."""

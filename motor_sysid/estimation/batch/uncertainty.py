@@ -123,7 +123,8 @@ def describe(
         noise = whole @ stationary_scores(near, weighting) @ whole
         covariance = _at_least(covariance, noise + whole @ believed @ whole)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
-    unseen = np.diag(curvature) <= 1e-12 * np.max(np.diag(curvature))
+    seen, positive = np.diag(curvature), np.array([p.logarithmic for p in problem.free])
+    unseen = seen <= 1e-12 * np.where(positive, np.max(seen[positive], initial=0.0), 0.0)
     told = of_curvature(curvature, names, slope)
     sigma[unseen | np.isinf(told.bound)] = np.inf
     words = (*told.words(), *_vague(problem, told.words(), sigma, slope))
