@@ -18,7 +18,14 @@ from motor_sysid.benchmark.scenarios import Scenario
 from motor_sysid.benchmark.statistics import Share
 from motor_sysid.benchmark.store import ResultsFile
 from motor_sysid.benchmark.tables import as_dict, tables
-from motor_sysid.benchmark.targets import both_visible, Goal, named_first, rates, visible
+from motor_sysid.benchmark.targets import (
+    both_visible,
+    Goal,
+    named_as_well,
+    named_first,
+    rates,
+    visible,
+)
 from motor_sysid.diagnosis.result import Verdict
 
 MISSING, COMPLETE, AMBIGUOUS, UNKNOWN = (
@@ -115,6 +122,15 @@ def test_the_first_name_counts_in_any_equivalent_form():
     assert named_first(result(('asymmetric_coulomb_friction',), named=both))
     assert not named_first(result(('coulomb_friction',), named=('quadratic_drag',)))
     assert not named_first(result(('coulomb_friction',), named=()))
+
+
+def test_a_special_case_that_runs_as_well_is_counted_apart():
+    stribeck = {'named': ('stribeck_friction',), 'reference': 2.0}
+    assert named_as_well(result(('lugre_friction',), after=2.03, **stribeck))
+    assert not named_as_well(result(('lugre_friction',), after=2.05, **stribeck))
+    assert not named_first(result(('lugre_friction',), after=2.03, **stribeck))
+    assert not named_as_well(result(('quadratic_drag',), after=2.0, **stribeck))
+    assert named_as_well(result(('stribeck_friction',), after=9.0, **stribeck))
 
 
 def test_an_effect_is_visible_if_the_true_structure_runs_better():

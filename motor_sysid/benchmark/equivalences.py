@@ -9,6 +9,8 @@ both sides of every row and compares them.
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from motor_sysid.physics.effects import catalogue
+
 
 @dataclass(frozen=True)
 class Equivalence:
@@ -76,6 +78,12 @@ def same_as(effects: frozenset[str]) -> set[frozenset[str]]:
                 found.add(more)
                 fresh.append(more)
     return found
+
+
+def special_cases(effects: frozenset[str]) -> frozenset[str]:
+    """Return the simpler laws that are part of the given ones: half the truth, but no error."""
+    cards = [catalogue()[key].card for key in effects if key in catalogue()]
+    return frozenset(key for card in cards for key in card.generalises)
 
 
 def _swapped(effects: frozenset[str]) -> Iterator[frozenset[str]]:

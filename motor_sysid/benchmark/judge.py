@@ -6,7 +6,7 @@ import math
 
 from motor_sysid.benchmark.answers import true_base_values, true_effect_values
 from motor_sysid.benchmark.cases import Case
-from motor_sysid.benchmark.equivalences import same_as
+from motor_sysid.benchmark.equivalences import same_as, special_cases
 from motor_sysid.benchmark.outcome import Outcome, Result
 from motor_sysid.benchmark.scenarios import case_name
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
@@ -82,12 +82,6 @@ def outcome(
         return Outcome.EXTRA
     part = any(named <= one | special_cases(one) for one in same)
     return Outcome.PART if part else Outcome.WRONG
-
-
-def special_cases(effects: frozenset[str]) -> frozenset[str]:
-    """Return the simpler laws that are part of the given ones: half the truth, but no error."""
-    cards = [catalogue()[key].card for key in effects if key in catalogue()]
-    return frozenset(key for card in cards for key in card.generalises)
 
 
 def effect_sigmas(case: Case, model: Model) -> dict[str, float] | None:

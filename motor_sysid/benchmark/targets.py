@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 import math
 
-from motor_sysid.benchmark.equivalences import invisible, same_as
+from motor_sysid.benchmark.equivalences import invisible, same_as, special_cases
 from motor_sysid.benchmark.outcome import Outcome, Result
 from motor_sysid.benchmark.statistics import Share
 
@@ -85,6 +85,17 @@ def named_first(result: Result) -> bool:
     )
 
 
+def named_as_well(result: Result) -> bool:
+    """Whether what it named first is hidden, or its special case and the rest invisible.
+
+    Bristles that hardly bend are Stribeck friction: that runs as well as the true structure.
+    """
+    if named_first(result) or not (result.named and result.after and result.reference):
+        return named_first(result)
+    special = result.named[0] in special_cases(frozenset(result.effects))
+    return special and result.after <= VISIBLE * result.reference
+
+
 def ranked_first(result: Result) -> bool:
     """Whether the strongest candidate of the first round is hidden, named or not."""
     return any(result.first in one for one in same_as(frozenset(result.effects)))
@@ -119,6 +130,8 @@ def _single(results: Sequence[Result]) -> list[Rate]:
             Rate(f'{name}: named first', _share(sized, named_first), goal),
             Rate(f'{name}: named first, where visible',
                  _share([r for r in sized if visible(r)], named_first)),
+            Rate(f'{name}: named first, or its special case that runs as well, where visible',
+                 _share([r for r in sized if visible(r)], named_as_well)),
             Rate(f'{name}: strongest candidate', _share(sized, ranked_first)),
         ]  # fmt: skip
     unseen = [r for r in one if invisible(r.effects[0])]
