@@ -171,6 +171,20 @@ def test_open_initial_states_are_set_to_their_best():
     assert np.std(left) < 1.1
 
 
+@pytest.mark.parametrize(
+    ('cost', 'after', 'widens', 'more'),
+    [
+        (1.05, 1.00, False, True), (1.03, 1.00, False, False),
+        (1.03, 0.90, False, False), (1.03, 0.90, True, True), (1.03, 1.00, True, False),
+    ],
+)  # fmt: skip
+def test_a_wider_law_that_leaves_less_than_noise_knows_the_noise_better(
+    cost, after, widens, more
+):
+    level = Level(None, None, 1000.0 * cost, 1000)
+    assert level.leaves(widens, 1000.0 * after) is more
+
+
 # --- the last fit
 
 

@@ -6,12 +6,19 @@ import pytest
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.diagnosis.remainder import Remainder
 from motor_sysid.diagnosis.uneven import UNEVEN, unevenness_of
+from motor_sysid.signals.record import Record
 
 
 class Stretch:
-    """A scored stretch of data."""
+    """A scored stretch of data, under control or not."""
 
     scored = True
+
+    def __init__(self, *, closed: bool = False):
+        t = 1e-3 * np.arange(100)
+        columns = {'voltage': 0 * t} | ({'speed_reference': np.sin(t)} if closed else {})
+        units = {'voltage': 'V', 'speed_reference': 'rad/s'}
+        self.record = Record(t, columns, {name: units[name] for name in columns})
 
 
 def comparison(*sizes: float, count: int = 4000) -> Comparison:
@@ -41,6 +48,15 @@ def test_less_than_sensor_noise_is_no_measure():
     """An encoder at rest has no error at all, which makes no other record a bad one."""
     found = unevenness_of(comparison(1e-6, 1), comparison(1), (chains(2), chains(1)), np.ones(2))
     assert found < UNEVEN / 1.5
+
+
+def test_records_under_control_are_compared_apart():
+    """A controller lets random loads do less to the speed, in every record that it runs."""
+    closed = [(Stretch(closed=True),)] * 2
+    found = unevenness_of(comparison(1, 1), comparison(5), (closed, chains(1)), np.ones(2))
+    assert found < 1.2
+    found = unevenness_of(comparison(1, 1), comparison(5, 1), (closed, chains(2)), np.ones(2))
+    assert found == pytest.approx(5.0, rel=0.1)
 
 
 def test_a_record_in_pieces_counts_as_one():

@@ -115,6 +115,15 @@ class Level:
         before, _ = profile_cost(base, bench, weighting)
         return cls(rung, weighting, cost, costs[0][1], before - cost)
 
+    def leaves(self, widens: bool, after: float) -> bool:
+        """Whether the model leaves more than noise for certain, beside what leaves `after`.
+
+        The whole dictionary knows the noise, and better than it does a law that `widens` one of
+        the model and leaves less: no touch of each effect makes a law that is far from linear.
+        """
+        noise = min(float(self.rows), after) if widens else float(self.rows)
+        return self.cost > SURELY_MORE * noise
+
     def gain(self, new: Rung, bench: Bench) -> float:
         """Return the gain in BIC of a fitted model with more parameters."""
         extra = len(new.model.parameters.free) - len(self.rung.model.parameters.free)
@@ -141,7 +150,7 @@ def judged(
     steady = steadiness(rung.held, new.held)
     share = (level.cost - after) / max(level.cost - rows, 1e-300)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
-    small = small and (not rung.model.effects or level.cost > SURELY_MORE * rows)
+    small = small and (not rung.model.effects or level.leaves(scored.variant.inherits, after))
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
     mends = after < MENDED * rows and level.cost > TORN * rows

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import Comparison
 from motor_sysid.estimation.batch import Chain
+from motor_sysid.estimation.batch.methods.reference import moving_references
 
 Array = NDArray[np.float64]
 
@@ -29,12 +30,26 @@ def unevenness_of(
 ) -> float:
     """Return how many times larger an output's error is in one record than in another, at most.
 
-    The smaller one counts as sensor noise at least, which is `noise` (n_y,).
+    The smaller one counts as sensor noise at least, which is `noise` (n_y,).  Records under
+    control and others are compared apart: a controller lets random loads do less to the speed.
     """
     residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
-    errors = [np.sqrt(np.mean(residual**2, axis=0)) for residual in residuals]
-    best = np.maximum(np.min(errors, axis=0), noise)
-    return float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300)))
+    loops = [loop for side in chains for loop in _loops(side)]
+    ratios = [1.0]
+    for kind in set(loops):
+        own = [r for r, loop in zip(residuals, loops, strict=True) if loop == kind]
+        errors = np.sqrt([np.mean(residual**2, axis=0) for residual in own])
+        best = np.maximum(np.min(errors, axis=0), noise)
+        ratios.append(float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300))))
+    return max(ratios)
+
+
+def _loops(chains: Sequence[Chain]) -> Iterator[bool]:
+    """Yield of each chain that is scored whether its record holds a reference that moves."""
+    for chain in chains:
+        records = [stretch.record for stretch in chain if stretch.scored]
+        if records:
+            yield any(moving_references(record) for record in records)
 
 
 def by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:
