@@ -419,7 +419,7 @@ def test_evidence_alone_is_no_verdict():
     """Rounding to counts is no white noise: evidence above 20 occurs, the other gates hold."""
     still = np.random.default_rng(3).uniform(-1, 1, 100)[np.arange(4000) // 500]
     plant = PLANT._replace(tau_plus=6e-3, tau_minus=6e-3)
-    volts = 6.0 * still * (np.arange(4000) // 500 % 2)
+    volts = 10.0 * still * (np.arange(4000) // 500 % 2)
     truth = run(plant, Control(volts, limit=24.0), DT)
     model = start(SpeedSensor.DIFFERENCE).with_effect('coulomb_friction', {'tau_c': 6e-3})
     every = tuple(catalogue())
