@@ -75,7 +75,6 @@ def test_the_best_frequency_is_that_of_the_load(frequency):
     found = matched(swing=1e-3, frequency=frequency).frequencies('torque')
     assert found[0] == pytest.approx(frequency, abs=0.02)
     assert np.all(np.diff(np.sort(found)) > 1 / 8)
-    assert len(found) <= 3
 
 
 def test_a_load_that_wanders_is_no_line():

@@ -197,6 +197,8 @@ def test_the_other_name_is_told():
     for key in ('speed_sensor_offset', 'constant_load_torque'):
         (line,) = other_names(fitted(key, beside=('brush_voltage_drop',)))
         assert 'constant load torque is the same law as speed sensor offset' in line
+        known = fitted(key).with_free(['current_offset'], free=False)
+        assert other_names(known) == []
 
 
 # --- what is doubted

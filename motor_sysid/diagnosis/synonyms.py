@@ -11,11 +11,14 @@ MOTION = {'omega', 'theta', 'turn', 'domega'}
 def is_other_name(one: Effect, model: Model) -> bool:
     """Whether an effect that is another one under another name is that in this model, too.
 
-    What a wrong zero of a sensor does is a load only where nothing else depends on the motion.
+    What a wrong zero of a sensor does is a load only where nothing else depends on the motion and
+    an offset of the current makes up for the rest.
     """
     names = {one.key, *one.card.sum_of}
     others = [effect(key) for key in model.effects if key not in names]
-    return not model.kind.frame and not any(other.needs() & MOTION for other in others)
+    known = any(p.name == 'current_offset' and not p.free for p in model.parameters)
+    moving = any(other.needs() & MOTION for other in others)
+    return not (model.kind.frame or known or moving)
 
 
 def other_names(model: Model) -> list[str]:
@@ -36,8 +39,8 @@ def _is_there(one: Effect, model: Model) -> bool:
 
 
 def _same(parts: list[str], title: str) -> str:
-    are = 'together are' if len(parts) > 1 else 'is'
+    are, alone = ('together are', '') if len(parts) > 1 else ('is', ' without the position')
     return (
-        f'{" and ".join(parts)} {are} the same law as {title}: no record tells which of the two '
-        'it is.'
+        f'{" and ".join(parts)} {are} the same law as {title}: no record{alone} tells which of '
+        'the two it is.'
     )

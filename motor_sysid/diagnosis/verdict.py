@@ -73,7 +73,7 @@ def winner_of(passing: Sequence[Trial]) -> Trial:
 def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
     """Return the end of the chain of special cases, each of which explains most of the last.
 
-    Or all of it, where a shape of the wider law lies at the end where it is the special case.
+    Or any of it, where a shape of the wider law lies on its lower bound: it tells of no more.
     """
     covered = trial.scored.variant.effect.card.generalises
     enough = -np.inf if _is_special(trial) else SPECIAL_SHARE * trial.delta_bic
