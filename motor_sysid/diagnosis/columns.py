@@ -27,8 +27,9 @@ Array = NDArray[np.float64]
 Path = dict[str, Array]
 """Name of a state or input to its (N,) values."""
 
-TOUCH = 1e-4
-"""Size of a touch in units of an amplitude's whole box."""
+TOUCH, STRIKING_TOUCH = 1e-4, 2e-3
+"""Size of a touch in units of an amplitude's whole box; and where the model strikes, so that less
+of it tells of nothing but the roughness of its outputs."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +91,9 @@ def _touches(variant: Variant) -> list[Touch]:
     free = variant.model.parameters.free
     if not free:
         return [Touch(variant, '', 1.0)]
-    return [Touch(variant, p.name, TOUCH * (p.upper - p.lower)) for p in free]
+    strikes = any(effect(key).card.strikes for key in variant.model.effects)
+    part = STRIKING_TOUCH if strikes else TOUCH
+    return [Touch(variant, p.name, part * (p.upper - p.lower)) for p in free]
 
 
 def _needs_its_own_model(variant: Variant) -> bool:
@@ -112,7 +115,7 @@ def _in_model(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     if not touches[0].variant.inherits:
         still = still[:1]  # whatever its shape, an effect that is off does nothing
     table = {name: np.array([v[name] for v in (*lanes, *still)]) for name in program.names}
-    both = _run(program, problem, table)
+    both = run_lanes(program, problem, table)
     count = len(touches)
     return [
         [_finite((run[:, :, k] - run[:, :, min(count + k, run.shape[2] - 1)]) / touch.size)
@@ -133,7 +136,7 @@ def _switched_off(variant: Variant) -> dict[str, float]:
     return values
 
 
-def _run(
+def run_lanes(
     program: Program,
     problem: Problem,
     table: Mapping[str, Array],
@@ -172,7 +175,7 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
                     pushes[number][:, 1, j, lane + 1] = _law(touches[k], name, ended)
     values = problem.model.parameters.values()
     table = {name: np.full(len(acting) + 1, values[name]) for name in problem.program.names}
-    runs = _run(problem.program, problem, table, pushes)
+    runs = run_lanes(problem.program, problem, table, pushes)
     scored = scored_paths(problem, paths)
     found = []
     for k, touch in enumerate(touches):

@@ -32,6 +32,10 @@ TORN, MENDED = 1.3, 1.04
 """Whitened variance, in units of the noise, that a law must leave, and that a wider one may leave,
 so that it is believed like any further effect: nothing is then left for another to explain."""
 
+MORE = 0.2
+"""Part of what the effects of a model explain, which no wider law adds to it by making up for what
+they have not right."""
+
 FAITHFUL = 0.02
 """No law follows its effect closer than this: the square of it, as a share of what the effects of
 a model explain, is what their misfit may look like another function of the same thing."""
@@ -226,7 +230,8 @@ def gate_note(
     duration:
         Time of the longest record, s.
     mends:
-        Whether it leaves nothing but noise where there was more; see `TORN`.
+        Whether it leaves nothing but noise where there was more (see `TORN`), or adds much to what
+        is explained (see `MORE`).
     """
     key = scored.variant.effect.key
     if vanished(new.model, key) or feeds(new.model, key, duration):

@@ -18,6 +18,7 @@ from motor_sysid.diagnosis.rung import (
 )
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.starts import starts_on_grid
 from motor_sysid.diagnosis.trial import judged, Level, Trial
 from motor_sysid.estimation.batch import (
     fit,
@@ -62,15 +63,19 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     rung = level.rung
     most = max(one.gain for one in starts)
     possible = [one for one in starts if one.gain >= WORTH * most and not _impossible(one)]
-    if not possible:
-        one = starts[0]
-        return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
+    one, model = starts[0], _opened(starts[0].variant.model, rung.model, starts[0])
+    tried += [
+        (one, model.with_values(point))
+        for point in starts_on_grid(one.variant, rung.model, bench)
+    ]
+    if not tried:
+        return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
+    one, model = tried[0]
     anew = lost(rung.model, bench)
-    if not possible[0].variant.model.parameters.free:
+    if not one.variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}
     if anew:
-        one, model = tried[0]
         tried.append((one, model.with_values(anew)))
 
     def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:

@@ -144,8 +144,8 @@ class Remainder:
 
     @property
     def above_floor(self) -> bool:
-        """Whether more remains than the sensors make."""
-        return self.over_floor > ABOVE_FLOOR
+        """Whether more remains than the sensors make, in the held-out data or in some record."""
+        return self.over_floor > ABOVE_FLOOR or self.uneven
 
 
 def examine_remainder(

@@ -126,7 +126,7 @@ def score(
         weighting = _whitened(some, some_starts, weighting)
     first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)
-    base = _Base.of(whole, np.arange(1, first))
+    base = Base.of(whole, np.arange(1, first))
     left = base.without(whole)
     scored, parts = [], []
     family = {v.effect.key: sum(o.effect.key == v.effect.key for o in tried) for v in tried}
@@ -177,7 +177,7 @@ def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weightin
 
 
 @dataclass(frozen=True)
-class _Base:
+class Base:
     """What base parameters can do.
 
     Attributes
@@ -192,7 +192,7 @@ class _Base:
     along: Array
 
     @classmethod
-    def of(cls, gram: Array, base: NDArray[np.int64]) -> '_Base':
+    def of(cls, gram: Array, base: NDArray[np.int64]) -> 'Base':
         size = np.sqrt(np.maximum(np.diag(gram)[base], 1e-300))
         values, vectors = np.linalg.eigh(gram[np.ix_(base, base)] / np.outer(size, size))
         kept = values > SEEN * np.max(values, initial=1e-300)

@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.gate import (
     MENDED,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
+    MORE,
     misfit_of_laws,
     NO_EVIDENCE,
     steadiness,
@@ -154,6 +155,7 @@ def judged(
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
     mends = after < MENDED * rows and level.cost > TORN * rows
+    mends = mends or level.cost - after > MORE * level.explained > 0.0
     inexact = max(
         misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
     )

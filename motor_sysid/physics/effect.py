@@ -208,6 +208,12 @@ class Card:
     pace:
         Name of the shape that is the rate (rad/s) at which its own states swing, if they are not
         solved exactly: the steps of the integration follow it.
+    strikes:
+        Whether its own states strike something: each blow depends on the last one, so that outputs
+        are smooth functions of any parameter only over a hundredth of it.
+    grid:
+        Parameter to finite values, in units of its scale, of all combinations of which the best
+        are tried as starts; for an effect of whose strength a touch tells little.
     hidden_by:
         Shortfalls of the excitation, of `SHORTFALLS`, for which it cannot be seen or told from
         others.
@@ -237,6 +243,8 @@ class Card:
     covers: str = ''
     linear: bool = False
     pace: str = ''
+    strikes: bool = False
+    grid: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     hidden_by: tuple[str, ...] = ()
 
     @property

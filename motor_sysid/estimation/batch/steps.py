@@ -13,6 +13,10 @@ Array = NDArray[np.float64]
 DIFFERENCE_STEP = 1e-4
 """Step in scaled coordinates: error below 4e-6 with measured position."""
 
+STRIKING_STEP = 1e-2
+"""The same where a model strikes: outputs are rough on a finer scale, and derivatives over it tell
+of nothing but the roughness."""
+
 _PART, _LEAST = 0.05, 1e-3
 _PHASE = 0.1
 
@@ -44,7 +48,8 @@ def difference_steps(
     """
     late = {f'{e.key}.{e.card.delay}' for e in effects if e.card.delay}
     waves = {f'{e.key}.{e.card.frequency}' for e in effects if e.card.frequency}
-    steps = np.full(len(sized), DIFFERENCE_STEP)
+    strikes = any(e.card.strikes for e in effects)
+    steps = np.full(len(sized), STRIKING_STEP if strikes else DIFFERENCE_STEP)
     for k, (p, size) in enumerate(sized):
         if p.name in late:
             away = abs(values[p.name] / dt - round(values[p.name] / dt))

@@ -23,9 +23,9 @@ CARD = Card(
                   positive=True),
     ),
     shapes=(
-        Shape('phi_g', 'rad', 'half of the play', Scale.ANGLE, (0.1, 0.4, 1.5), 2e-3, 50.0),
+        Shape('phi_g', 'rad', 'half of the play', Scale.ANGLE, (0.1, 0.4, 1.5), 5e-4, 50.0),
         Shape('w_a', 'rad/s', 'stiffness of the teeth: antiresonance in contact', Scale.RATE,
-              (0.15, 0.5), 0.02, 1.2),
+              (0.15, 0.5), 0.02, 6.0),
         Shape('z', '1', 'damping ratio of the teeth', Scale.ONE, (0.4,), 0.01, 2.0),
     ),
     axis='time',
@@ -34,6 +34,13 @@ CARD = Card(
     generalises={'flexible_shaft': (('r', 'r'), ('w_a', 'w_a'), ('z', 'z'))},
     shrinks=('J',),
     pace='w_a',
+    strikes=True,
+    grid={
+        'r': (0.3, 1.0, 3.0),
+        'phi_g': (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0),
+        'w_a': (0.25, 0.6, 1.5, 4.0),
+        'z': (0.2,),
+    },
 )  # fmt: skip
 
 
