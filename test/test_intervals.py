@@ -128,3 +128,14 @@ def test_the_derivative_by_a_delay_does_not_reach_over_a_sample(delay, expected)
         [(late, size)], [effect('input_delay')], {late.name: delay}, dt=1e-3, end=10.0
     )
     assert found[0] * size == pytest.approx(expected * 1e-3)
+
+
+def test_derivatives_are_taken_over_a_hundredth_where_a_model_strikes():
+    """Below that, outputs are rough in every parameter, the motor's own as well."""
+    model = Model.base('brushed_dc').with_effect('backlash', {'r': 1.0})
+    sized = [(model.parameters[name], 1.0) for name in ('J', 'backlash.r')]
+    values = model.parameters.values()
+    found = difference_steps(sized, [effect('backlash')], values, dt=1e-3, end=10.0)
+    assert found == pytest.approx([1e-2, 1e-2])
+    smooth = difference_steps(sized, [effect('flexible_shaft')], values, dt=1e-3, end=10.0)
+    assert smooth == pytest.approx([1e-4, 1e-4])

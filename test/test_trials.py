@@ -185,6 +185,20 @@ def test_a_wider_law_that_leaves_less_than_noise_knows_the_noise_better(
     assert level.leaves(widens, 1000.0 * after) is more
 
 
+@pytest.mark.parametrize(
+    ('cost', 'after', 'explained', 'mends'),
+    [
+        (1.35, 1.02, 9.0, True), (1.35, 1.10, 9.0, False),  # what is left is noise, or is not
+        (1.02, 0.97, 0.1, True),  # teeth beside a shaft: half as much again as it explains
+        (1.02, 0.97, 1.0, False),  # a twentieth: the shaft's law is not that exact
+        (1.02, 0.97, 0.0, False),  # nothing is explained that it could widen
+    ],
+)  # fmt: skip
+def test_a_wider_law_mends_by_what_it_leaves_or_adds(cost, after, explained, mends):
+    level = Level(None, None, 1000.0 * cost, 1000, 1000.0 * explained)
+    assert level.mends(1000.0 * after) is mends
+
+
 # --- the last fit
 
 

@@ -396,6 +396,14 @@ def test_what_remains_counts_if_it_is_beyond_noise_predictable_and_no_trifle(
     assert left.structured is structured
 
 
+@pytest.mark.parametrize(('unevenness', 'structured'), [(1.2, False), (4.0, True)])
+def test_more_than_noise_in_some_record_counts_though_the_held_out_one_has_none(
+    unevenness, structured
+):
+    left = Remainder({}, 3.0, 3.5, 1.15, 0.5, unevenness=unevenness, beyond_percent=1.8)
+    assert left.structured is structured
+
+
 def remaining(count, error, drive=None, reference=None):
     """Examine a smooth motion of that many samples with an error (N,) that is left of it.
 

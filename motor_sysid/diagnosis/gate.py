@@ -230,8 +230,7 @@ def gate_note(
     duration:
         Time of the longest record, s.
     mends:
-        Whether it leaves nothing but noise where there was more (see `TORN`), or adds much to what
-        is explained (see `MORE`).
+        Whether it does more than follow closer what the model has; see `TORN` and `MORE`.
     """
     key = scored.variant.effect.key
     if vanished(new.model, key) or feeds(new.model, key, duration):

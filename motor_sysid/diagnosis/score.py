@@ -193,6 +193,7 @@ class Base:
 
     @classmethod
     def of(cls, gram: Array, base: NDArray[np.int64]) -> 'Base':
+        """Take the columns `base` of the (K, K) products of columns for what parameters do."""
         size = np.sqrt(np.maximum(np.diag(gram)[base], 1e-300))
         values, vectors = np.linalg.eigh(gram[np.ix_(base, base)] / np.outer(size, size))
         kept = values > SEEN * np.max(values, initial=1e-300)

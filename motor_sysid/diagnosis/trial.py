@@ -15,8 +15,8 @@ from motor_sysid.diagnosis.gate import (
     MENDED,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
-    MORE,
     misfit_of_laws,
+    MORE,
     NO_EVIDENCE,
     steadiness,
     TORN,
@@ -125,6 +125,14 @@ class Level:
         noise = min(float(self.rows), after) if widens else float(self.rows)
         return self.cost > SURELY_MORE * noise
 
+    def mends(self, after: float) -> bool:
+        """Whether a wider law that leaves `after` does more than follow the narrow one's effect.
+
+        It leaves nothing but noise where there was more, or adds much to what is explained.
+        """
+        all_of_it = after < MENDED * self.rows and self.cost > TORN * self.rows
+        return all_of_it or self.cost - after > MORE * self.explained > 0.0
+
     def gain(self, new: Rung, bench: Bench) -> float:
         """Return the gain in BIC of a fitted model with more parameters."""
         extra = len(new.model.parameters.free) - len(self.rung.model.parameters.free)
@@ -154,8 +162,7 @@ def judged(
     small = small and (not rung.model.effects or level.leaves(scored.variant.inherits, after))
     certain = small and is_certain(rung.held, new.held, level.weighting)
     deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
-    mends = after < MENDED * rows and level.cost > TORN * rows
-    mends = mends or level.cost - after > MORE * level.explained > 0.0
+    mends = level.mends(after)
     inexact = max(
         misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
     )
