@@ -322,6 +322,9 @@ def test_steps_follow_teeth_that_swing_faster_than_the_samples():
     column = np.array([values[name] for name in program.names])
     assert program.substeps(column, 0.0, 0.01) == 8  # 200 sqrt(1 + 3) 0.01 = 4 rad by halves
     assert program.substeps(column, 0.0, 1e-4) == 1
+    # Parts of a sample are steps as well: the longest of four has 7/16 of it, of sixteen 31/256.
+    assert [program.substeps(column, 0.0, 0.01, parts) for parts in (4, 16)] == [4, 1]
+    assert program.substeps(column, 0.0, 1.0) == 16  # what swings that fast settles at once
     runs = (simulate(model, record, ['speed'], substeps=n) for n in (1, 8))
     coarse, fine = (run.outputs['speed'] for run in runs)
     assert np.all(np.isfinite(coarse))

@@ -164,8 +164,12 @@ def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
 def _again(
     trials: Sequence[Trial], chosen: Sequence[Sequence[Scored]], fit: Callable[[Scored], Trial]
 ) -> list[Trial]:
-    """Return the trials, those that lower the held-out error most after another fit."""
-    starts = {one[0].variant.effect.key: one[0] for one in chosen}
+    """Return the trials, those that lower the held-out error most after another fit.
+
+    What began at the best of a grid has been everywhere.
+    """
+    first = [one[0] for one in chosen if not one[0].variant.effect.card.grid]
+    starts = {one.variant.effect.key: one for one in first}
     possible = [
         t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > 0.0
     ]

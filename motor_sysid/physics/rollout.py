@@ -26,7 +26,7 @@ from motor_sysid.physics.lanes import (
 )
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.motors.base import MOST_SUBSTEPS, Motor
+from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.workspace import (
     delays,
     filled,
@@ -41,8 +41,9 @@ Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0))
 
-SWING = 0.5
-"""Angle in rad by which an own state may swing in one step that is not exact."""
+SWING, MOST_SWINGS = 0.5, 16
+"""Angle in rad by which an own state may swing in one step that is not exact; and how many steps a
+sample takes for that at most: what swings faster settles within one."""
 
 FINE, FINEST = 8, 16
 """Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
@@ -222,7 +223,8 @@ class Program:
             For each stretch (N, 2, m, P) forces from outside, at the start and at the end of each
             sample, in the order of the motor's forces; or nothing.
         substeps:
-            Parts of each sample (see `graded`), each cut as often as the motor's speed asks for.
+            Parts of each sample (see `graded`), each cut as often as the motor's speed and what
+            swings in its effects ask for.
         threads:
             Blocks of 32, or halves of the stretches, that may run at the same time.
 
@@ -238,7 +240,7 @@ class Program:
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
         top = max(drive.speed for drive in drives)
         paced = table.T[np.all(np.isfinite(table), axis=0)] if self._paces else table.T[:1]
-        steps = max((self.substeps(one, top, drives[0].dt) for one in paced), default=1)
+        steps = max((self.substeps(one, top, drives[0].dt, substeps) for one in paced), default=1)
 
         def one(part: tuple[slice, slice]) -> list[Array]:
             block, some = part
@@ -291,14 +293,20 @@ class Program:
             results.append(outputs[:, :, :used])
         return results
 
-    def substeps(self, column: Array, speed: float, dt: float) -> int:
-        """Return how many steps a sample takes with parameters (K,) at a speed in rad/s."""
+    def substeps(self, column: Array, speed: float, dt: float, parts: int = 1) -> int:
+        """Return how many steps a part takes with parameters (K,) at a speed in rad/s.
+
+        A sample of `dt` s is cut in `parts`; own states swing as far in the longest as they may.
+        """
         values: dict[str, float] = dict(zip(self.names, column.tolist(), strict=True))
-        most = MOST_SUBSTEPS
+        longest = float(np.max(graded(np.full((1, 1), dt), parts, even=bool(self.kind.wave))))
         swings: list[int] = [
-            min(math.ceil(values[rate] * math.sqrt(1.0 + values[load]) * dt / SWING), most)
+            math.ceil(
+                min(values[rate] * math.sqrt(1.0 + values[load]) * dt / SWING, MOST_SWINGS)
+                * longest / dt
+            )
             for rate, load in self._paces
-        ]
+        ]  # fmt: skip
         return max(self.kind.substeps(values, speed, dt), *swings, 1)
 
     def workspace(

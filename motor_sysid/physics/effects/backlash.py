@@ -25,7 +25,7 @@ CARD = Card(
     shapes=(
         Shape('phi_g', 'rad', 'half of the play', Scale.ANGLE, (0.1, 0.4, 1.5), 5e-4, 50.0),
         Shape('w_a', 'rad/s', 'stiffness of the teeth: antiresonance in contact', Scale.RATE,
-              (0.15, 0.5), 0.02, 6.0),
+              (0.15, 0.5), 0.02, 4.0),
         Shape('z', '1', 'damping ratio of the teeth', Scale.ONE, (0.4,), 0.01, 2.0),
     ),
     axis='time',
