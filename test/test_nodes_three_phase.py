@@ -176,8 +176,13 @@ def travel(record: Record) -> float:
 
 
 def turned(bag: Path) -> float:
-    """Return how far the shaft got in a bag that is being written, rad."""
+    """Return how far the shaft got under a reference in a bag that is being written, rad.
+
+    A reference whose topic was found late is left out as long as it covers less than half.
+    """
     try:
-        return max(travel(record) for record in load(bag).records)
+        records = load(bag).records
     except UserError:
         return 0.0
+    led = [r for r in records if {'position', 'speed_reference'} <= set(r)]
+    return max(map(travel, led), default=0.0)
