@@ -324,7 +324,7 @@ def test_steps_follow_teeth_that_swing_faster_than_the_samples():
     assert program.substeps(column, 0.0, 1e-4) == 1
     # Parts of a sample are steps as well: the longest of four has 7/16 of it, of sixteen 31/256.
     assert [program.substeps(column, 0.0, 0.01, parts) for parts in (4, 16)] == [4, 1]
-    assert program.substeps(column, 0.0, 1.0) == 16  # what swings that fast settles at once
+    assert program.substeps(column, 0.0, 1.0) == 16  # no sample shows what swings that fast
     runs = (simulate(model, record, ['speed'], substeps=n) for n in (1, 8))
     coarse, fine = (run.outputs['speed'] for run in runs)
     assert np.all(np.isfinite(coarse))

@@ -91,7 +91,7 @@ def _points(variant: Variant, base: Model, scales: Scales) -> list[Values]:
 def _runs(
     program: Program, problem: Problem, variant: Variant, points: Sequence[Values]
 ) -> list[Array]:
-    """Return for each scored stretch the outputs (N, n_y, P) at all points; 0 where runaway.
+    """Return for each scored stretch the outputs (N, n_y, P) at all points.
 
     Points of one pace are simulated together, as the fastest sets the steps of all.
     """

@@ -43,7 +43,7 @@ _NO_CORE = np.empty((0, 0, 0))
 
 SWING, MOST_SWINGS = 0.5, 16
 """Angle in rad by which an own state may swing in one step that is not exact; and how many steps a
-sample takes for that at most: what swings faster settles within one."""
+sample takes for that at most: what swings faster, samples do not show."""
 
 FINE, FINEST = 8, 16
 """Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
