@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 from scipy.signal import cont2discrete
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics import rollout
+from motor_sysid.physics import workspace
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.laws import cos, sin, smooth_sign
@@ -89,7 +89,7 @@ def test_waves_shorter_than_a_step_average_out(volts, share):
 
 def test_steps_are_short_where_the_current_follows_the_input(monkeypatch):
     """The current follows within a fiftieth of a sample, and the supply sags with it."""
-    monkeypatch.setattr(rollout, 'FINEST', 1)
+    monkeypatch.setattr(workspace, 'FINEST', 1)
     held = random_steps(300)
     record = Record(5 * held.time, {'voltage': held['voltage']}, held.units)
     model = Model.base('brushed_dc', {**MOTOR, 'L': 2e-4}).with_effect('supply_sag', {'a': 0.02})
@@ -112,23 +112,32 @@ def test_a_sample_in_which_friction_turns_is_taken_in_finer_steps(monkeypatch):
         return simulate(model, record, ['speed'], substeps=steps).outputs['speed']
 
     truth, found = speed(512), speed(1)
-    monkeypatch.setattr(rollout, 'FINEST', 1)
+    monkeypatch.setattr(workspace, 'FINEST', 1)
     plain = speed(1)
     assert np.std(plain - truth) > 1e-3 * np.std(truth), 'friction should matter'
     assert np.std(found - truth) < 0.2 * np.std(plain - truth)
 
 
 def test_a_followed_position_is_smooth_between_its_samples():
-    """A constant acceleration is followed exactly, but at the ends of the record."""
+    """A constant acceleration is followed exactly, but at the ends of what may be seen."""
     time = np.arange(8.0)
     position, share, angle = 2 * time - 3 * time**2, np.array([0.0, 0.3, 1.0]), np.empty(3)
+    together, alone = np.empty((3, 0), np.int64), np.repeat([[2], [0], [8]], 3, axis=1)
     for sample in range(1, 6):
-        follow(3, position, sample, share, angle)
+        follow(3, position, together, sample, share, angle)
         passed = sample + share
         np.testing.assert_allclose(angle, 2 * passed - 3 * passed**2, atol=1e-12)
+        same = angle.copy()
+        follow(3, position, alone, sample - 2, share, angle)
+        np.testing.assert_array_equal(angle, same)
     for sample, end in ((0, 1), (6, 7), (7, 7)):
-        follow(3, position, sample, share, angle)
+        follow(3, position, together, sample, share, angle)
         np.testing.assert_allclose(angle[[0, 2]], position[[sample, end]])
+    # a lane of rows 2 to 5: its last ones are ends, too
+    cut = np.repeat([[2], [2], [6]], 3, axis=1)
+    for sample, (begins, ends) in ((0, (2, 3)), (3, (5, 5)), (9, (5, 5)), (-1, (2, 3))):
+        follow(3, position, cut, sample, share, angle)
+        np.testing.assert_allclose(angle[[0, 2]], position[[begins, ends]])
 
 
 LAGS_AND_SPRINGS = {

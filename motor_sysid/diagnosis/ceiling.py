@@ -188,7 +188,7 @@ def _judged(rows: list[Explained], outputs: Sequence[str], reasons: tuple[str, .
     }
     own = [max(rows[0].explained_percent[n], 0.0) for n in outputs]
     mean = float(np.mean(np.maximum(top, 0.0)))
-    share = 100 * float(np.mean(own)) / mean if mean > 0 else 0.0
+    share = min(100 * float(np.mean(own)) / mean, 100.0) if mean > 0 else 0.0  # rounding
     model, *others = rows
     others.sort(key=lambda row: -sum(row.explained_percent.values()))
     return Ceiling(share, (model, *others), best, reasons)

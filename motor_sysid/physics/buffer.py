@@ -4,6 +4,7 @@ from numba import njit
 
 from motor_sysid.physics.effect import ARGUMENTS
 from motor_sysid.physics.native import call_lane, LANES
+from motor_sysid.physics.track import row_in
 
 TURN = ARGUMENTS.index('turn') * LANES
 
@@ -14,7 +15,7 @@ def add_push(wide, p, force_rows, push, sample, now, begins, dt):  # type: ignor
     for j in range(push.shape[2]):
         row = force_rows[j] * LANES
         for k in range(wide):
-            share = (now[k] - begins) / dt
+            share = (now[k] - begins[k]) / dt
             p[row + k] += push[sample, 0, j, k] + share * (
                 push[sample, 1, j, k] - push[sample, 0, j, k]
             )
@@ -64,16 +65,17 @@ def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def hold_input(wide, u, inputs, late, sample):  # type: ignore[no-untyped-def]
+def hold_input(wide, u, inputs, late, places, sample):  # type: ignore[no-untyped-def]
     """Write the input that acts in each lane to `u` (n_u, W)."""
-    n_u = inputs.shape[1]
-    if late.shape[0] == 0:
+    n_u, delayed, apart = inputs.shape[1], late.shape[0] > 0, places.shape[1] > 0
+    if not (delayed or apart):
         for j in range(n_u):
             for k in range(wide):
                 u[j, k] = inputs[sample, j]
         return
     for k in range(wide):
-        at = max(sample - late[k], 0)
+        at = sample - (late[k] if delayed else 0)
+        at = row_in(places, k, at) if apart else max(at, 0)
         for j in range(n_u):
             u[j, k] = inputs[at, j]
 

@@ -53,7 +53,7 @@ from motor_sysid.physics.implicit import (
 )
 from motor_sysid.physics.native import as_pointer, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
-from motor_sysid.physics.track import follow
+from motor_sysid.physics.track import follow, meet
 
 CHUNK = 3
 """Products that are summed at a time."""
@@ -63,8 +63,8 @@ OMEGA, THETA = ARGUMENTS.index('omega'), ARGUMENTS.index('theta')
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def run_block(  # type: ignore[no-untyped-def]
-    whole, phi1_force, phi2_force, width, wide, coarse, substeps, dt, t0, first,
-    inputs, late, position, push, buffer, base, state,
+    whole, phi1_force, phi2_force, width, wide, coarse, substeps, dt, t0, first, count,
+    inputs, late, position, places, push, buffer, base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
     linear, slope_calls, slope_force, slope_rows, sensor_calls,
@@ -87,15 +87,19 @@ def run_block(  # type: ignore[no-untyped-def]
     coarse:
         How many of the pieces a sample is made of; the others make up the same sample in finer
         steps, and are taken where a stiff law turns within a step.  Without them none is.
-    substeps, dt, t0, first:
-        Substeps per piece, sample time and time of the first row of inputs in s, and the row to
-        begin at.
+    substeps, dt, t0:
+        Substeps per piece, sample time, and (W,) time of each lane's first row of inputs in s.
+    first, count:
+        Row to begin at, and row to end before.
     inputs:
         (N, n_u) held inputs.
     late:
         (W,) whole samples that the input is late by.
     position:
         (N,) or (N + 1,) measured position for laws that depend on it, or empty.
+    places:
+        (3, W) where each lane has rows of its own: its first one, and the lowest and one past the
+        highest that it may see; or (3, 0).
     push:
         (N, 2, m, W) forces from outside at the start and at the end of each sample, between which
         they change linearly; or empty.
@@ -115,7 +119,7 @@ def run_block(  # type: ignore[no-untyped-def]
         (N - first, n_y, W) model outputs at the sample times.
     """
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
-    count, fine = inputs.shape[0], pieces - coarse
+    fine = pieces - coarse
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]
     n_memory = memory_offset.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
@@ -131,7 +135,7 @@ def run_block(  # type: ignore[no-untyped-def]
     answers = np.zeros(m, dtype=np.bool_)
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
-    now, h, here, there, passed, turned = np.zeros((6, LANES))
+    now, h, here, there, passed, turned, begins = np.zeros((7, LANES))
     rough, whole_sample = np.empty((n, LANES)), coarse * substeps
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = speed_row = -1
@@ -146,11 +150,13 @@ def run_block(  # type: ignore[no-untyped-def]
     time_at = time_row * LANES
 
     for sample in range(first, count):
-        begins = t0 + sample * dt
+        for k in range(wide):
+            begins[k] = t0[k] + sample * dt
         if sensor_calls.shape[0] > 0:
+            if follows:
+                meet(wide, position, places, sample, here)
             for k in range(wide):
-                here[k] = position[sample] if follows else 0.0
-                p[time_at + k] = begins
+                p[time_at + k] = begins[k]
             load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
             clear(wide, p, output_sensor)
             call_all(wide, base, sensor_calls, 0, sensor_calls.shape[0])
@@ -163,7 +169,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 previous[j, k] = x[j, k]
 
         for k in range(wide):
-            now[k] = begins
+            now[k] = begins[k]
         if fine > 0:
             remember(wide, p, memory_offset, kept)
             for k in range(wide):
@@ -172,7 +178,7 @@ def run_block(  # type: ignore[no-untyped-def]
         while part < last:
             piece = part // substeps
             delayed = late.shape[0] > 0 and piece < lately
-            hold_input(wide, u, inputs, late, sample - (1 if delayed else 0))
+            hold_input(wide, u, inputs, late, places, sample - (1 if delayed else 0))
             if n_lanes + n_slopes + n_memory == 0 and not pushed:
                 predict(wide, predicted, whole, piece, all_in)
                 for j in range(n):
@@ -189,11 +195,11 @@ def run_block(  # type: ignore[no-untyped-def]
                 p[time_at + k] = now[k]
             if follows:
                 for k in range(wide):
-                    passed[k] = (now[k] - begins) / dt
-                follow(wide, position, sample, passed, here)
+                    passed[k] = (now[k] - begins[k]) / dt
+                follow(wide, position, places, sample, passed, here)
                 for k in range(wide):
                     passed[k] += h[k] / dt
-                follow(wide, position, sample, passed, there)
+                follow(wide, position, places, sample, passed, there)
 
             # stage 0: every law at the state
             load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
@@ -293,7 +299,7 @@ def run_block(  # type: ignore[no-untyped-def]
                         x[j, k] = previous[j, k]
                 swap(wide, p, memory_offset, kept)
                 for k in range(wide):
-                    now[k] = begins
+                    now[k] = begins[k]
                 last, lately = pieces * substeps, coarse + fine // 2
         if last > whole_sample:
             blend(wide, x, rough, p, memory_offset, kept, turned)

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from functools import cached_property
 from itertools import chain, zip_longest
 import math
 
@@ -27,27 +26,22 @@ from motor_sysid.physics.lanes import (
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.side_by_side import run_side_by_side
 from motor_sysid.physics.workspace import (
+    coarse_and_fine,
     delays,
     filled,
-    graded,
     halves,
     joined,
     lane_last,
+    steps_of_swing,
     Workspace,
 )
 
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0))
-
-SWING, MOST_SWINGS = 0.5, 16
-"""Angle in rad by which an own state may swing in one step that is not exact; and how many steps a
-sample takes for that at most: what swings faster, samples do not show."""
-
-FINE, FINEST = 8, 16
-"""Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
-a sample may have."""
+_ALL_THE_SAME = np.empty((3, 0), dtype=np.int64)
 
 GROUP = 8
 """Lanes that are computed together: a block of fewer parameter vectors costs less."""
@@ -73,6 +67,10 @@ class Program:
         Every parameter, motor first.
     memory_offsets:
         Where the own states of effects lie in a workspace's buffer (first of 32 lanes each).
+    reads_angle:
+        Whether a law depends on the angle of the shaft.
+    tells_angle:
+        Whether an output does.
     """
 
     def __init__(
@@ -141,10 +139,8 @@ class Program:
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors = calls.slopes, calls.sensors
-
-    @cached_property
-    def _unpushed(self) -> Array:
-        return np.empty((0, 2, len(self.kind.forces), LANES))
+        everything = (*self.effects, *([self.kind.own] if self.kind.own else []))
+        self.reads_angle = any('theta' in one.needs() for one in everything)
 
     def _aim_outputs(self) -> None:
         known = {output.signal: output for output in self.kind.outputs}
@@ -163,6 +159,10 @@ class Program:
             )
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
         self._outputs = tuple(integers(v) for v in (states, differenced, bias, sensor))
+        self.tells_angle = any(
+            self.kind.states[j] == 'theta' and not late
+            for j, late in zip(states, differenced, strict=True)
+        )
         self._memory = (
             integers(self._kernel_memory), integers(self._memory_rate), self._fades
         )  # fmt: skip
@@ -253,8 +253,12 @@ class Program:
                 (steps, substeps),
             )
 
-        apart = restarts if self.memory_offsets else range(len(drives))
         lengths = [len(drive.inputs) for drive in drives]
+        apart = restarts if self.memory_offsets else range(len(drives))
+        if 2 * size <= LANES and not pushes and {0, *apart} >= set(range(len(drives))):
+            found = run_side_by_side(self, table, drives, states, (steps, substeps), threads)
+            if found:
+                return found
         stretches = halves(lengths, apart if threads > len(blocks) else ())
         tasks = [(block, some) for block in blocks for some in stretches]
         if min(threads, len(tasks)) > 1:
@@ -299,12 +303,9 @@ class Program:
         A sample of `dt` s is cut in `parts`; own states swing as far in the longest as they may.
         """
         values: dict[str, float] = dict(zip(self.names, column.tolist(), strict=True))
-        longest = float(np.max(graded(np.full((1, 1), dt), parts, even=bool(self.kind.wave))))
-        swings: list[int] = [
-            math.ceil(
-                min(values[rate] * math.sqrt(1.0 + values[load]) * dt / SWING, MOST_SWINGS)
-                * longest / dt
-            )
+        swings = [
+            steps_of_swing(values[rate] * math.sqrt(1.0 + values[load]) * dt, parts,
+                           even=bool(self.kind.wave))
             for rate, load in self._paces
         ]  # fmt: skip
         return max(self.kind.substeps(values, speed, dt), *swings, 1)
@@ -327,11 +328,8 @@ class Program:
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:
             late, width = delays(full[self._delay_names], dt)
-        even, cuts = bool(self.kind.wave), [parts]
-        if turning and self._calls[1] and parts < FINEST:
-            cuts.append(min(FINE * parts, FINEST))
-        widths = [graded(width, count, even=even) / substeps for count in cuts]
-        coarse, width = len(widths[0]), np.concatenate(widths)
+        again, even = turning and self._calls[1] > 0, bool(self.kind.wave)
+        coarse, width = coarse_and_fine(width / substeps, parts, again=again, even=even)
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))
@@ -358,13 +356,17 @@ class Program:
         outputs: Array,
         first: int = 0,
         push: Array | None = None,
+        lanes: tuple[NDArray[np.int64], Array] | None = None,
     ) -> None:
         """Run the kernel over the drive; `x` (n, 32) and the workspace keep the final state.
 
-        Samples before `first` serve only as older inputs of a delay.
+        Samples before `first` serve only as older inputs of a delay.  With `lanes`, (3, 32) rows
+        (first, lowest, end) and (32,) times at which they begin, each lane has its own part of
+        the drive, and as many samples are run as there are outputs.
         """
         rows = workspace.buffer.reshape(-1, LANES)
         core = np.concatenate((x, rows[self._core_rows])) if self._core_rows else x
+        places, begins = lanes or (_ALL_THE_SAME, np.full(LANES, drive.start))
         run_block(
             *workspace.matrices,
             workspace.width,
@@ -372,12 +374,14 @@ class Program:
             workspace.coarse,
             substeps,
             drive.dt,
-            drive.start,
+            begins,
             first,
+            len(outputs) if lanes else len(drive.inputs),
             drive.inputs,
             workspace.late,
-            drive.position,
-            self._unpushed if push is None else push,
+            drive.position if self.reads_angle else _EMPTY,
+            places,
+            np.empty((0, 2, len(self.kind.forces), LANES)) if push is None else push,
             workspace.buffer,
             workspace.buffer.ctypes.data,
             core,

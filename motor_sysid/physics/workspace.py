@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +15,14 @@ Array = NDArray[np.float64]
 
 WORTH_CUTTING = 4_000
 """Samples from which on half the stretches run in a thread of their own."""
+
+FINE, FINEST = 8, 16
+"""Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
+a sample may have."""
+
+SWING, MOST_SWINGS = 0.5, 16
+"""Angle in rad by which an own state may swing in one step that is not exact; and how many steps a
+sample takes for that at most: what swings faster, samples do not show."""
 
 
 @dataclass
@@ -57,6 +66,28 @@ def graded(width: Array, parts: int, *, even: bool = False) -> Array:
     """
     shares = np.diff(np.linspace(0.0, 1.0, parts + 1) ** (1 if even else 2))
     return np.concatenate([np.outer(shares, piece) for piece in width])
+
+
+def coarse_and_fine(width: Array, parts: int, *, again: bool, even: bool) -> tuple[int, Array]:
+    """Cut pieces (S, W) of a sample in `parts`, and in finer ones where it may be taken `again`.
+
+    Returns
+    -------
+    How many are coarse, and the lengths (C, W) of these and the finer ones.
+    """
+    widths = [graded(width, parts, even=even)]
+    if again and parts < FINEST:
+        widths.append(graded(width, min(FINE * parts, FINEST), even=even))
+    return len(widths[0]), np.concatenate(widths)
+
+
+def steps_of_swing(angle: float, parts: int, *, even: bool = False) -> int:
+    """Return how many steps a part of a sample takes in which something swings by `angle` rad.
+
+    The sample is cut in `parts`, see `graded`; the longest of them tells.
+    """
+    longest = float(np.max(graded(np.ones((1, 1)), parts, even=even)))
+    return math.ceil(min(angle / SWING, MOST_SWINGS) * longest)
 
 
 def delays(delay: Array, dt: float) -> tuple[NDArray[np.int64], Array]:
