@@ -68,16 +68,18 @@ def columns(problem: Problem, tried: Sequence[Variant]) -> list[list[Array]]:
     touches = [touch for variant in tried for touch in _touches(variant)]
     alone = [k for k, touch in enumerate(touches) if _needs_its_own_model(touch.variant)]
     pushed = [k for k in range(len(touches)) if k not in set(alone)]
-    found: dict[int, list[Array]] = {}
-    if pushed:
-        found |= zip(pushed, _pushed(problem, [touches[k] for k in pushed]), strict=True)
     keys = dict.fromkeys(touches[k].variant.effect.key for k in alone)
     groups = [[k for k in alone if touches[k].variant.effect.key == key] for key in keys]
+
+    def changes(group: Sequence[int]) -> list[list[Array]]:
+        touched = [touches[k] for k in group]
+        return _pushed(problem, touched) if group is pushed else _in_model(problem, touched)
+
+    found: dict[int, list[Array]] = {}
     with ThreadPoolExecutor(problem.threads) as pool:
-        for own, parts in zip(groups, pool.map(
-            lambda own: _in_model(problem, [touches[k] for k in own]), groups
-        ), strict=True):  # fmt: skip
-            found |= zip(own, parts, strict=True)
+        work = [pushed, *groups] if pushed else groups  # the longest first
+        for group, parts in zip(work, pool.map(changes, work), strict=True):
+            found |= zip(group, parts, strict=True)
     result, first = [], 0
     for variant in tried:
         count = len(_touches(variant))

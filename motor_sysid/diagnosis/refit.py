@@ -65,10 +65,9 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     possible = [one for one in starts if one.gain >= WORTH * most and not _impossible(one)]
     tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
     one, model = starts[0], _opened(starts[0].variant.model, rung.model, starts[0])
-    tried += [
-        (one, model.with_values(point))
-        for point in starts_on_grid(one.variant, rung.model, bench)
-    ]
+    if level.is_incomplete:
+        points = starts_on_grid(one.variant, rung.model, bench)
+        tried += [(one, model.with_values(point)) for point in points]
     if not tried:
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     one, model = tried[0]

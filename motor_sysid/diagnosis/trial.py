@@ -116,6 +116,11 @@ class Level:
         before, _ = profile_cost(base, bench, weighting)
         return cls(rung, weighting, cost, costs[0][1], before - cost)
 
+    @property
+    def is_incomplete(self) -> bool:
+        """Whether the model leaves more than noise for certain."""
+        return self.cost > SURELY_MORE * self.rows
+
     def leaves(self, widens: bool, after: float) -> bool:
         """Whether the model leaves more than noise for certain, beside what leaves `after`.
 
