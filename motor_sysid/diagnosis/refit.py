@@ -20,6 +20,7 @@ from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.starts import starts_on_grid
 from motor_sysid.diagnosis.trial import judged, Level, Trial
+from motor_sysid.diagnosis.variants import shrunk
 from motor_sysid.estimation.batch import (
     fit,
     FitResult,
@@ -237,11 +238,8 @@ def _opened(tried: Model, base: Model, scored: Scored) -> Model:
     free += [f'{key}.{s.name}' for s in card.shapes if s.free]
     start = {name: value for name, value in scored.base.items() if name in tried.parameters}
     start |= {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
-    share = 1.0 + start.get(f'{key}.{card.amplitudes[0].name}', 0.0)
-    shrunk = () if scored.variant.inherits else card.shrinks
-    for name in (n for n in shrunk if n in base.parameters):
-        p = base.parameters[name]
-        start[name] = float(np.clip(p.value / share, p.lower, p.upper))
+    if not scored.variant.inherits:
+        start |= shrunk(card, base, start.get(f'{key}.{card.amplitudes[0].name}', 0.0))
     return tried.with_free(free).with_values(start)
 
 

@@ -15,7 +15,7 @@ from motor_sysid.diagnosis.columns import run_lanes
 from motor_sysid.diagnosis.rung import some_of
 from motor_sysid.diagnosis.score import Base
 from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.diagnosis.variants import Variant
+from motor_sysid.diagnosis.variants import shrunk, Variant
 from motor_sysid.estimation.batch import Problem, thinned, white
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.rollout import Program
@@ -71,20 +71,17 @@ def _points(variant: Variant, base: Model, scales: Scales) -> list[Values]:
     """Return every combination of the grid, and what it shrinks in its share, inside the boxes."""
     card, key, model = variant.effect.card, variant.effect.key, variant.model
     gridded = [p for p in card.parameters if p.name in card.grid]
-    first = f'{key}.{card.amplitudes[0].name}'
-    whole = 1.0 + model[first]
-    points = []
+    first, points = f'{key}.{card.amplitudes[0].name}', []
     for one in product(*(card.grid[p.name] for p in gridded)) if gridded else ():
         point = {
             f'{key}.{p.name}': x * scales.size(p.scale) for p, x in zip(gridded, one, strict=True)
         }
-        shrunk = [name for name in card.shrinks if name in base.parameters]
-        point |= {name: base[name] * whole / (1.0 + point[first]) for name in shrunk}
         boxes = {name: model.parameters[name] for name in point}
-        points.append(
-            {name: float(np.clip(v, boxes[name].lower, boxes[name].upper))
-             for name, v in point.items()}
-        )  # fmt: skip
+        inside = {
+            name: float(np.clip(v, boxes[name].lower, boxes[name].upper))
+            for name, v in point.items()
+        }
+        points.append(inside | shrunk(card, base, inside[first], model[first]))
     return points
 
 

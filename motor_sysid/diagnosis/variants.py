@@ -4,7 +4,9 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass
 from itertools import product
 
-from motor_sysid.physics.effect import Amplitude, Effect, Shape
+import numpy as np
+
+from motor_sysid.physics.effect import Amplitude, Card, Effect, Shape
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
@@ -78,3 +80,14 @@ def _choices(
             grids.append([(card.name, s * size) for s in card.starts])
     for choice in product(*grids):
         yield dict(choice)
+
+
+def shrunk(card: Card, base: Model, share: float, before: float = 0.0) -> dict[str, float]:
+    """Return the parameters of `base` of which an effect takes a share, without it.
+
+    A load of `share` times the motor's inertia leaves the motor that much less of what was fitted
+    as one; `before`, if it had such a load already.
+    """
+    taken = [base.parameters[name] for name in card.shrinks if name in base.parameters]
+    left = (1.0 + before) / (1.0 + share)
+    return {p.name: float(np.clip(p.value * left, p.lower, p.upper)) for p in taken}
