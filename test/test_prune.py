@@ -1,11 +1,12 @@
 """What later effects have made superfluous goes again, and laws wider than needed are narrowed."""
 
 from bench_motor import records
+import numpy as np
 import pytest
 from test_trials import prepared
 
 from motor_sysid.diagnosis.prune import narrowed, numbered, pruned
-from motor_sysid.diagnosis.rung import climb
+from motor_sysid.diagnosis.rung import climb, profile_cost
 from motor_sysid.physics.model import SpeedSensor
 
 TAU = 6e-3
@@ -36,6 +37,24 @@ def test_even_friction_needs_no_law_for_each_direction():
 def test_uneven_friction_keeps_its_law():
     rung, bench = fitted({'asymmetric_coulomb_friction': UNEVEN})
     assert pruned(rung, bench, {}, lambda text: None) is rung
+
+
+@pytest.mark.parametrize(('drop', 'kept'), [(6e-3, False), (2e-2, True)])
+def test_what_does_next_to_nothing_beside_another_goes_whatever_its_evidence(drop, kept):
+    """Brushes of 6 mV: evidence enough in 12 s of data, and next to none of the error."""
+    hidden = {'coulomb_friction': {'tau_c': TAU}, 'brush_voltage_drop': {'v_b': drop}}
+    bench, base = prepared(
+        records(hidden, kinds=('steps', 'triangle'), seconds=6.0), SpeedSensor.DIFFERENCE
+    )
+    model = base.model
+    for key, values in hidden.items():
+        model = model.with_effect(key, values, bench.scales)
+    rung = climb(model, bench)
+    slim = climb(model.without_effect('brush_voltage_drop'), bench, rung.result.weighting)
+    costs = [profile_cost(one, bench, rung.result.weighting) for one in (slim, rung)]
+    assert costs[0][0] - costs[1][0] > bench.threshold + np.log(costs[0][1])
+    left = pruned(rung, bench, {}, lambda text: None, last=True).model.effects
+    assert left == (*slim.model.effects, *(('brush_voltage_drop',) if kept else ()))
 
 
 def test_a_special_case_takes_the_place_and_the_mean_of_what_it_narrows():

@@ -9,9 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from motor_sysid.diagnosis.gate import combined_error, MIN_CERTAIN_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import parameters_of, rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.rung import certainty, climb, FINER, profile_cost, Rung, some_of
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.trial import ONLY_NOISE
 from motor_sysid.estimation.batch.least_squares import normal_equations
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -19,7 +21,7 @@ from motor_sysid.physics.scales import Scales
 
 BEYOND_DOUBT = 100.0
 """Squared number of standard errors, in units of the evidence asked for, from which on an effect
-is kept without a fit that lacks it."""
+is kept without a fit that lacks it, unless steps of the integration have changed."""
 
 CLEARLY = 10.0
 """Loss of evidence by a rough fit without it, in units of what is allowed, from which on an effect
@@ -52,7 +54,7 @@ def pruned(
     for key in rung.model.effects if last else rung.model.effects[:-1]:
         if key not in rung.model.effects:
             continue
-        if certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
+        if last or certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
             slim = _simpler(rung, numbered(rung.model.without_effect(key), bench.scales), bench)
             if slim is not rung:
                 tell(f'dropping {key}: no longer needed')
@@ -105,7 +107,19 @@ def _simpler(rung: Rung, model: Model, bench: Bench) -> Rung:
         return rung
     slim = climb(rough.model, bench, weighting)
     less, _ = profile_cost(slim, bench, weighting)
-    return slim if less - full < allowed else rung
+    return slim if less - full < allowed or _is_trifle(rung, slim, less / rows) else rung
+
+
+def _is_trifle(rung: Rung, slim: Rung, excess: float) -> bool:
+    """Whether an effect does next to nothing beside others, whatever the evidence for it.
+
+    Without it, in `slim`, the whitened variance is `excess` times that of noise: nothing is left
+    to look for.  No law is exact to the last detail, and another one makes up for what is not.
+    """
+    fewer = len(slim.model.effects) < len(rung.model.effects)
+    gain = 100 * (1 - combined_error(rung.held, slim.held))
+    beside = fewer and bool(slim.model.effects)
+    return beside and excess < ONLY_NOISE and gain < MIN_CERTAIN_GAIN_PERCENT
 
 
 def _rough_cost(rung: Rung, model: Model, bench: Bench) -> float:
