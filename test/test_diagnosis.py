@@ -201,12 +201,19 @@ def test_a_superfluous_effect_does_not_pass():
     assert trial.note
 
 
+def with_gap(record, name):
+    values = record[name].copy()
+    values[100:103] = np.nan
+    return Record(record.time, {**{n: record[n] for n in record}, name: values}, record.units)
+
+
 @pytest.mark.parametrize(
     ('spoil', 'words'),
     [
         (lambda r: r.slice(0, 50), 'samples'),
         (lambda r: r.select(['current', 'speed']), 'input'),
         (lambda r: r.select(['voltage', 'current']), 'speed or position'),
+        (lambda r: with_gap(r, 'current'), '`current` of .* has 3 values of 2000 that'),
     ],
 )
 def test_records_that_cannot_be_used_are_refused_in_words(spoil, words):

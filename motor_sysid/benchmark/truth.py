@@ -24,6 +24,7 @@ _I, _OMEGA, _THETA, _OMEGA_L, _THETA_L, _HEAT, _BEND, _I_SHOWN = range(8)
 _STATES = 8
 _CUTS = 8
 _HIGHEST_VOLTAGE = 48.0
+_HOT = 5.0  # resistance of a hot winding over that of a cold one, at most
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,8 @@ def run(
 
 def steps_per_sample(plant: Plant, dt: float) -> int:
     """Return the number of steps that resolves every time constant."""
-    longest = min(LONGEST_STEP, 0.5 * plant.L / plant.R)
+    hottest = plant.R * (_HOT if plant.heat > 0 else 1.0)
+    longest = min(LONGEST_STEP, 0.5 * plant.L / hottest)
     if plant.share > 0:
         small = plant.J * min(plant.share, 1 - plant.share)
         swing, fade = np.sqrt(small / plant.stiffness), small / plant.damping

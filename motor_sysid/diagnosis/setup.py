@@ -1,6 +1,6 @@
 """From records to a base model: which motor kind, which outputs, which sensors, how far ahead."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,6 +18,7 @@ from motor_sysid.estimation.batch import (
     Problem,
     thinned,
 )
+from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
@@ -154,6 +155,16 @@ def refuse_short(train: Sequence[Record], validation: Sequence[Record]) -> None:
             )
 
 
+def _refuse_gaps(record: Record, names: Set[str]) -> None:
+    for name in sorted(names):
+        count = int(np.sum(~np.isfinite(record[name])))
+        if count:
+            raise UserError(
+                f'`{name}` of {record.provenance.source or "a record"} has {count} values of '
+                f'{len(record)} that are not finite; drop or mend these samples'
+            )
+
+
 def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
     """Return the motor kind: the wanted one, or the richest that the signals allow.
 
@@ -226,9 +237,16 @@ def make_bench(
         A fitted model if there is one; it tells how far ahead a run may look without drifting.
     nominal:
         Data-sheet values.
+
+    Raises
+    ------
+    UserError
+        If a signal that is needed has values that are no numbers.
     """
     everything = [*train, *validation]
     outputs = observed_outputs(kind, everything)
+    for record in everything:
+        _refuse_gaps(record, {*input_signals(record, kind), *outputs, 'position'} & set(record))
     known = model.parameters.values() if model else nominal or {}
     begun = _inside(kind, kind.start(train, known))
     values = model.parameters.values() if model else begun
