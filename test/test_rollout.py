@@ -329,11 +329,11 @@ def test_steps_follow_teeth_that_swing_faster_than_the_samples():
     program = Program.of(model, ('speed',))
     values = model.parameters.values()
     column = np.array([values[name] for name in program.names])
-    assert program.substeps(column, 0.0, 0.01) == 8  # 200 sqrt(1 + 3) 0.01 = 4 rad by halves
-    assert program.substeps(column, 0.0, 1e-4) == 1
+    assert program.pace.steps(column, 0.0, 0.01) == 8  # 200 sqrt(1 + 3) 0.01 = 4 rad by halves
+    assert program.pace.steps(column, 0.0, 1e-4) == 1
     # Parts of a sample are steps as well: the longest of four has 7/16 of it, of sixteen 31/256.
-    assert [program.substeps(column, 0.0, 0.01, parts) for parts in (4, 16)] == [4, 1]
-    assert program.substeps(column, 0.0, 1.0) == 16  # no sample shows what swings that fast
+    assert [program.pace.steps(column, 0.0, 0.01, parts) for parts in (4, 16)] == [4, 1]
+    assert program.pace.steps(column, 0.0, 1.0) == 16  # no sample shows what swings that fast
     runs = (simulate(model, record, ['speed'], substeps=n) for n in (1, 8))
     coarse, fine = (run.outputs['speed'] for run in runs)
     assert np.all(np.isfinite(coarse))
@@ -388,3 +388,29 @@ def test_fast_sine_is_exact_enough_and_takes_arrays():
     assert np.max(np.abs(cos(x) - np.cos(x))) < 2e-11
     assert sin(1.0) == pytest.approx(np.sin(1.0), abs=1e-13)
     assert smooth_sign(np.array([-9.0, 0.0, 9.0]), 0.1).tolist() == [-1.0, 0.0, 1.0]
+
+
+def test_a_law_that_reads_a_rate_that_fades_within_a_sample_gets_its_parts():
+    """The current settles in a third of a sample; beside 64 parts, which are told of."""
+    motor = {**MOTOR, 'R': 0.2, 'L': 5e-5}
+    rng = np.random.default_rng(5)
+    record = Record(
+        1e-3 * np.arange(400), {'voltage': rng.uniform(-6.0, 6.0, 400)}, {'voltage': 'V'}
+    )
+    plain = Model.base('brushed_dc', motor)
+    iron = plain.with_effect('inductance_saturation', {'s': 0.5, 'i_s': 5.0})
+    heavy = plain.with_effect('inertia_change', {'g': 0.5, 't_on': 0.1})
+    programs = [Program.of(model, ('current',)) for model in (plain, iron, heavy)]
+    columns = [
+        np.array([[model.parameters[name].value] for name in program.names])
+        for program, model in zip(programs, (plain, iron, heavy), strict=True)
+    ]
+    asked = [p.pace.parts(c, 1e-3) for p, c in zip(programs, columns, strict=True)]
+    assert asked == [1, 4, 1]  # R dt / L = 4; the inertia's own rate is that of friction
+    assert programs[1].pace.parts(columns[1], 1e-2) == 8  # 40, which no step follows
+    without = simulate(plain, record, ['current']).outputs['current']
+    coarse, fine = (
+        simulate(iron, record, ['current'], substeps=n).outputs['current'] - without
+        for n in (1, 64)
+    )
+    assert np.linalg.norm(coarse - fine) < 0.4 * np.linalg.norm(fine)  # 12 times, in one step

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, zip_longest
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from motor_sysid.physics.lanes import (
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.pace import Pace
 from motor_sysid.physics.side_by_side import run_side_by_side
 from motor_sysid.physics.workspace import (
     coarse_and_fine,
@@ -34,7 +34,6 @@ from motor_sysid.physics.workspace import (
     halves,
     joined,
     lane_last,
-    steps_of_swing,
     Workspace,
 )
 
@@ -71,6 +70,8 @@ class Program:
         Whether a law depends on the angle of the shaft.
     tells_angle:
         Whether an output does.
+    pace:
+        How many steps a sample takes.
     """
 
     def __init__(
@@ -130,15 +131,11 @@ class Program:
                 calls.add(lane, 0, 0)
         self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
-        self._paces = [
-            (f'{one.key}.{one.card.pace}', f'{one.key}.{one.card.amplitudes[0].name}')
-            for one in self.effects
-            if one.card.pace
-        ]
         self._delay_names = [self.names.index(name) for name in delays]
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors = calls.slopes, calls.sensors
+        self.pace = Pace(self.kind, self.effects, self.names, calls.slopes[1].tolist())
         everything = (*self.effects, *([self.kind.own] if self.kind.own else []))
         self.reads_angle = any('theta' in one.needs() for one in everything)
 
@@ -223,8 +220,8 @@ class Program:
             For each stretch (N, 2, m, P) forces from outside, at the start and at the end of each
             sample, in the order of the motor's forces; or nothing.
         substeps:
-            Parts of each sample (see `graded`), each cut as often as the motor's speed and what
-            swings in its effects ask for.
+            Least parts of each sample (see `graded`), each cut as often as the motor's speed and
+            what swings in its effects ask for.
         threads:
             Blocks of 32, or halves of the stretches, that may run at the same time.
 
@@ -239,8 +236,8 @@ class Program:
         states = [np.broadcast_to(x, (size, len(self.kind.states))) for x in initials]
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
         top = max(drive.speed for drive in drives)
-        paced = table.T[np.all(np.isfinite(table), axis=0)] if self._paces else table.T[:1]
-        steps = max((self.substeps(one, top, drives[0].dt, substeps) for one in paced), default=1)
+        substeps = max(substeps, self.pace.parts(table, drives[0].dt))
+        cut = self.pace.most_steps(table, top, drives[0].dt, substeps), substeps
 
         def one(part: tuple[slice, slice]) -> list[Array]:
             block, some = part
@@ -250,13 +247,13 @@ class Program:
                 [state[block] for state in states[some]],
                 [push[..., block] for push in pushes[some]],
                 frozenset((0, *(n - some.start for n in restarts))),
-                (steps, substeps),
+                cut,
             )
 
         lengths = [len(drive.inputs) for drive in drives]
         apart = restarts if self.memory_offsets else range(len(drives))
         if 2 * size <= LANES and not pushes and {0, *apart} >= set(range(len(drives))):
-            found = run_side_by_side(self, table, drives, states, (steps, substeps), threads)
+            found = run_side_by_side(self, table, drives, states, cut, threads)
             if found:
                 return found
         stretches = halves(lengths, apart if threads > len(blocks) else ())
@@ -296,19 +293,6 @@ class Program:
             self.advance(workspace, x, drive, cut[0], outputs, push=pushed)
             results.append(outputs[:, :, :used])
         return results
-
-    def substeps(self, column: Array, speed: float, dt: float, parts: int = 1) -> int:
-        """Return how many steps a part takes with parameters (K,) at a speed in rad/s.
-
-        A sample of `dt` s is cut in `parts`; own states swing as far in the longest as they may.
-        """
-        values: dict[str, float] = dict(zip(self.names, column.tolist(), strict=True))
-        swings = [
-            steps_of_swing(values[rate] * math.sqrt(1.0 + values[load]) * dt, parts,
-                           even=bool(self.kind.wave))
-            for rate, load in self._paces
-        ]  # fmt: skip
-        return max(self.kind.substeps(values, speed, dt), *swings, 1)
 
     def workspace(
         self, table: Array, dt: float, substeps: int = 1, parts: int = 1, *, delayed: bool = True,

@@ -71,7 +71,7 @@ class Stepper:
     def _keep_pace(self) -> None:
         """Take as many substeps as the speed asks for."""
         speed = float(self._x[self._omega, 0])
-        wanted = self._program.substeps(self._table[:, 0], speed, self.dt)
+        wanted = self._program.pace.steps(self._table[:, 0], speed, self.dt)
         fresh = self._substeps * paced(self._steps // self._substeps, wanted)
         if fresh != self._steps:
             self._steps, before = fresh, self._workspace

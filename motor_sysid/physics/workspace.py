@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,11 +18,6 @@ WORTH_CUTTING = 4_000
 FINE, FINEST = 8, 16
 """Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
 a sample may have."""
-
-SWING, MOST_SWINGS = 0.5, 16
-"""Angle in rad by which an own state may swing in one step that is not exact; and how many steps a
-sample takes for that at most: what swings faster, samples do not show."""
-
 
 @dataclass
 class Workspace:
@@ -79,15 +73,6 @@ def coarse_and_fine(width: Array, parts: int, *, again: bool, even: bool) -> tup
     if again and parts < FINEST:
         widths.append(graded(width, min(FINE * parts, FINEST), even=even))
     return len(widths[0]), np.concatenate(widths)
-
-
-def steps_of_swing(angle: float, parts: int, *, even: bool = False) -> int:
-    """Return how many steps a part of a sample takes in which something swings by `angle` rad.
-
-    The sample is cut in `parts`, see `graded`; the longest of them tells.
-    """
-    longest = float(np.max(graded(np.ones((1, 1)), parts, even=even)))
-    return math.ceil(min(angle / SWING, MOST_SWINGS) * longest)
 
 
 def delays(delay: Array, dt: float) -> tuple[NDArray[np.int64], Array]:

@@ -125,7 +125,7 @@ class Motion:
         """
         n = self._n
         far = abs(h - self._length) >= _SAME or _is_far(z, self._center, steps[n:])
-        wanted = self._program.substeps(self._values, float(x[self._omega]), h)
+        wanted = self._program.pace.steps(self._values, float(x[self._omega]), h)
         substeps = paced(self._substeps, wanted)
         if far or not self._blocks or substeps != self._substeps:
             self._substeps = substeps
@@ -159,7 +159,7 @@ class Motion:
         """
         after, by_force = np.empty_like(x), None
         memory, drive = self._memory, Drive(u[np.newaxis, :], h, time)
-        wanted = self._program.substeps(self._values, float(x[0, self._omega]), h)
+        wanted = self._program.pace.steps(self._values, float(x[0, self._omega]), h)
         self._substeps = paced(self._substeps, wanted)
         for first in range(0, len(x), LANES):
             part = slice(first, min(first + LANES, len(x)))
