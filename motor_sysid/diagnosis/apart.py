@@ -109,7 +109,9 @@ def _rivalry(
 
 def _words(titles: tuple[str, str], overlap: float, regime: str) -> str:
     text = f'{titles[0]} cannot be told from {titles[1]} with these data'
-    if np.isfinite(overlap):
+    if overlap <= SHARED:
+        text += ': what either changes is lost in the noise of the sensors'
+    elif np.isfinite(overlap):
         text += f': they share {100 * overlap:.3g} % of what they change in the outputs'
     text += f'. They would differ most {regime}.' if regime else '.'
     return text

@@ -23,6 +23,7 @@ from motor_sysid.diagnosis.rounds import (
     outdone,
     refitted,
     scored,
+    straightened,
     unseen,
 )
 from motor_sysid.diagnosis.rung import (
@@ -256,6 +257,7 @@ class Engine:
         doubted: bool = False,
     ) -> Diagnosis:
         """Give the verdict on a finished ladder."""
+        ladder = straightened(ladder, self.bench.threshold)
         share = self.accounted(ladder)
         final = ladder[-1][0]
         left = self.remainder(final)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.gate import UNPHYSICAL
+from motor_sysid.diagnosis.gate import feeds, UNPHYSICAL
 from motor_sysid.diagnosis.rung import (
     climb,
     FINER,
@@ -88,11 +88,30 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
         if sensor is not rung.model.speed_sensor:
             fits.append(begun(one, replace(model, speed_sensor=sensor)))
     one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
-    rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
+    kept = [first, *([fits[-1][2]] if 'speed_sensor' in one.variant.effect.laws else [])]
+    roughs = [rough_fit(f.model, f.weighting, bench, ROUGH_STEPS) for f in kept]
+    rough = min(roughs, key=misfit)
     if _chatters(model) and leaves_much(rung, bench):
         seen = replace(model, speed_sensor=rough.model.speed_sensor)
         rough = min(rough, slid(seen, first.weighting, bench), key=misfit)
+    rough = _undrained(rough, one.variant.effect.key, bench)
     return judged(one, _standing(rough, bench), level, bench)
+
+
+def _undrained(found: FitResult, key: str, bench: Bench) -> FitResult:
+    """Return a rough fit in which an effect takes nothing from a friction that is not there.
+
+    Of an effect that changes several frictions the others may change all the same.
+    """
+    model = found.model
+    if not feeds(model, key, bench.scales.duration):
+        return found
+    dry = [
+        f'{key}.{name}' for name, sources in effect(key).card.drains.items()
+        if not any(source in model.parameters for source in sources)
+    ]  # fmt: skip
+    held = model.with_values(dict.fromkeys(dry, 0.0)).with_free(dry, free=False)
+    return rough_fit(held, found.weighting, bench, ROUGH_STEPS) if dry else found
 
 
 def _chatters(model: Model) -> bool:
@@ -238,6 +257,13 @@ def _opened(tried: Model, base: Model, scored: Scored) -> Model:
     free += [f'{key}.{s.name}' for s in card.shapes if s.free]
     start = {name: value for name, value in scored.base.items() if name in tried.parameters}
     start |= {f'{key}.{name}': value for name, value in scored.amplitudes.items()}
+    free += [
+        f'{other}.{name}'
+        for other in base.effects
+        if other in tried.effects
+        for name, sources in effect(other).card.drains.items()
+        if any(source in tried.parameters for source in sources)
+    ]
     if not scored.variant.inherits:
         start |= shrunk(card, base, start.get(f'{key}.{card.amplitudes[0].name}', 0.0))
     return tried.with_free(free).with_values(start)

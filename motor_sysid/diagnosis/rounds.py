@@ -146,6 +146,27 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
     return other if better and gain > bench.threshold else rung
 
 
+def straightened(
+    ladder: Sequence[tuple[Rung, list[Trial]]], threshold: float
+) -> list[tuple[Rung, list[Trial]]]:
+    """Return a ladder without the rungs of which an effect was taken back later.
+
+    All rungs stay if one of the effects that are left had no evidence but on such a rung.
+    """
+    (base, _), last = ladder[0], set(ladder[-1][0].model.effects)
+    kept = [rung for rung in ladder[1:] if set(rung[0].model.effects) <= last]
+    straight: list[tuple[Rung, list[Trial]]] = []
+    missing = last - set(base.model.effects)
+    for rung, trials in [ladder[0], *kept]:
+        told = {
+            t.key for t in trials
+            if t.key in last and t.delta_bic > threshold and t.rung is not rung
+        } - set(rung.model.effects)  # fmt: skip
+        straight.append((rung, [replace(t, note='') if t.key in told else t for t in trials]))
+        missing -= told
+    return list(ladder) if missing else straight
+
+
 def explains(rung: Rung, base: Rung) -> bool:
     """Whether the effects of a model explain nearly all of the squared held-out error."""
     return rung.held.error_percent**2 < (1.0 - NEARLY_ALL) * base.held.error_percent**2

@@ -6,7 +6,13 @@ from itertools import pairwise
 import numpy as np
 
 from motor_sysid.diagnosis.apart import alike, compared
-from motor_sysid.diagnosis.gate import combined_error, gone, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.gate import (
+    combined_error,
+    gone,
+    MIN_GAIN_PERCENT,
+    UNCERTAIN,
+    UNPHYSICAL,
+)
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.rung import Rung
@@ -18,7 +24,8 @@ RIVAL_BIC = 10.0
 RIVAL_SHARE = 0.02
 AT_NOISE = 1.1
 """A rival is as good if its BIC is within 10; or within 2 % of the winner's gain, where even the
-winner leaves more than noise: what remains may then favour either of them by chance."""
+winner leaves more than noise: what remains may then favour either of them by chance.  So may what
+no law has right to the last detail, where the gain is lost in the noise of the sensors."""
 
 SPECIAL_SHARE = 0.5
 """A special case goes first if it explains this share of what its generalisation explains."""
@@ -37,6 +44,10 @@ whatever its evidence: laws that are a little wrong leave traces in the noise th
 NEARLY_ALL = 0.95
 """Share of the squared error beyond noise, whitened or plain, that the truth explains: a wrong
 neighbour leaves more, and what explains more is not doubted."""
+
+ALL_BUT_A_TRIFLE = 0.99
+"""The same for several effects with which a friction of the motor turns out to be nothing: a law
+may take in a little of it, and wrong ones do not explain so much together."""
 
 FLOOR_SURE = 0.1
 """Relative error of the square of the sensor noise that is read from the data."""
@@ -100,12 +111,20 @@ def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, 
     open.  Nor is one that changes other things in the outputs of `base`: it is missing as well.
     """
     equals = [t for t in _equals(winner, trials) if not same_law(t, winner)]
+    if _is_lost(winner):
+        return tuple(t.key for t in equals)
     return tuple(t.key for t in equals if alike(compared(base, winner.rung, t.rung)))
+
+
+def _is_lost(trial: Trial) -> bool:
+    """Whether a gain is lost in the noise of the sensors, and what is changed with it."""
+    return trial.gain_percent < MIN_GAIN_PERCENT
 
 
 def _equals(best: Trial, passing: Sequence[Trial]) -> list[Trial]:
     """Return the trials that do as well as the best, but for wider and narrower forms of it."""
-    least = best.delta_bic - margin_of(best.delta_bic, best.excess)
+    excess = np.inf if _is_lost(best) else best.excess
+    least = best.delta_bic - margin_of(best.delta_bic, excess)
     others = [t for t in passing if t.key != best.key and not related(t, best)]
     return [t for t in others if t.delta_bic > least]
 
@@ -206,8 +225,9 @@ def verdict_of(
     that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
     the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
     Of several effects none may take away less than the missing physics that is left, and none may
-    leave nothing of a parameter of the motor that was well known.  Where base parameters are
-    undetermined, what explains nearly all is named all the same.
+    leave nothing of a parameter of the motor that was well known, unless several explain all but a
+    trifle.  Where base parameters are undetermined, what explains nearly all is named all the
+    same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -229,6 +249,8 @@ def verdict_of(
     outweighed = structured and left.share * after > _least_drop(ladder)
     if (structured and explained < EXPLAINED) or outweighed or doubted:
         return Verdict.UNKNOWN_EFFECT
-    if gone(final.model, base.model):
+    several = len(final.model.effects) > len(base.model.effects) + 1
+    believed = several and explained > ALL_BUT_A_TRIFLE
+    if not believed and gone(final.model, base.model):
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
