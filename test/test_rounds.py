@@ -1,6 +1,6 @@
 """What one round of a diagnosis tries."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 from bench_motor import MOTOR, records
@@ -10,7 +10,7 @@ from test_trials import prepared
 
 from motor_sysid.diagnosis import rounds
 from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
-from motor_sysid.diagnosis.rounds import led_back, outdone, unpromised
+from motor_sysid.diagnosis.rounds import led_back, outdone, straightened, unpromised
 from motor_sysid.diagnosis.rung import climb, judge
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import make_bench
@@ -97,3 +97,36 @@ def test_a_fit_gone_astray_begins_again_where_a_trial_that_is_nothing_ended():
     assert back(delta_bic=5.0) is valley
     assert back(gain_percent=4.0) is valley
     assert led_back([trial], right, bench, weighting) is right
+
+
+def test_rungs_that_were_taken_back_are_not_told():
+    """A delay is added, then the friction, with which the delay is superfluous."""
+
+    def rung(*effects):
+        return SimpleNamespace(model=SimpleNamespace(effects=effects))
+
+    def tried(key, evidence, on=None):
+        return Told(key, evidence, UNCERTAIN, on)
+
+    delayed, both, last = rung('delay'), rung('delay', 'friction'), rung('friction')
+    base = rung()
+    ladder = [
+        (base, [tried('delay', 90.0), tried('friction', 50.0)]),
+        (delayed, [tried('friction', 60.0)]), (both, []), (last, []),
+    ]  # fmt: skip
+    straight = straightened(ladder, 20.0)
+    assert [one for one, _ in straight] == [base, last]
+    assert [t.note for t in straight[0][1]] == [UNCERTAIN, '']
+    assert straightened(ladder, 55.0) == ladder, 'the friction had no evidence but with the delay'
+    ladder[0] = base, [tried('friction', 50.0, base)]
+    assert straightened(ladder, 20.0) == ladder, 'it could not be simulated'
+
+
+@dataclass(frozen=True)
+class Told:
+    """What is asked of a trial of which it is told."""
+
+    key: str
+    delta_bic: float
+    note: str
+    rung: object

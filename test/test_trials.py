@@ -189,6 +189,8 @@ def test_a_wider_law_that_leaves_less_than_noise_knows_the_noise_better(
     ('cost', 'after', 'explained', 'mends'),
     [
         (1.35, 1.02, 9.0, True), (1.35, 1.10, 9.0, False),  # what is left is noise, or is not
+        (1.08, 1.01, 9.0, True), (1.08, 1.03, 9.0, False),  # nearly all of a little, or not
+        (1.04, 1.00, 9.0, False),  # too little
         (1.02, 0.97, 0.1, True),  # teeth beside a shaft: half as much again as it explains
         (1.02, 0.97, 1.0, False),  # a twentieth: the shaft's law is not that exact
         (1.02, 0.97, 0.0, False),  # nothing is explained that it could widen
@@ -320,3 +322,27 @@ def test_a_fit_that_went_astray_begins_again_where_one_of_its_kind_ended():
     assert again.passes
     assert again.delta_bic == pytest.approx(brushes.delta_bic, rel=0.01)
     assert try_beside(replace(brushes, delta_bic=1e9), other, level, bench).delta_bic == 1e9
+
+
+def test_a_drift_takes_nothing_from_a_friction_that_is_not_there():
+    """Viscous friction grows, and a drag bends the other friction below nothing."""
+    truth = {'friction_drift': {'d_v': 8e-6}, 'quadratic_drag': {'k_d': 1e-7}}
+    bench, rung = prepared(records(truth, kinds=('steps', 'triangle'), seconds=4.0),
+                           SpeedSensor.DIFFERENCE)  # fmt: skip
+    found, _ = refitted('friction_drift', bench, rung)
+    drift = found.rung.model.parameters
+    assert drift['friction_drift.d_c'].value >= 0.0
+    assert drift['friction_drift.d_v'].value == pytest.approx(8e-6, rel=0.3)
+    assert found.passes
+
+
+def test_what_a_drift_may_take_from_is_free_again_once_it_is_there():
+    bench, rung = prepared(records({}, kinds=('steps',), seconds=2.0), SpeedSensor.DIFFERENCE)
+    held = rung.model.with_effect('friction_drift', {'d_c': 0.0}, bench.scales)
+    held = held.with_free(['friction_drift.d_c'], free=False)
+    rung = replace(rung, result=replace(rung.result, model=held), near=())
+    for key, free in (('coulomb_friction', True), ('quadratic_drag', False)):
+        scores = scored(rung, bench, [effect(key)], lambda text: None)
+        one = best_per_effect(scores.singles, 1)[0][0]
+        model = refit._opened(one.variant.model, rung.model, one)
+        assert model.parameters['friction_drift.d_c'].free is free

@@ -168,6 +168,18 @@ def test_what_changes_other_things_in_the_outputs_is_no_rival():
     assert rivals_of(best, [best, other], BASE) == ()
 
 
+def test_a_gain_that_is_lost_in_noise_has_every_rival_that_is_near():
+    """Within 2 % of the evidence, whatever else they change; what lowers the error has none."""
+    def near(behind):
+        return trial('lugre_friction', 1000.0 - behind, change=WAVES[1])
+
+    for gain, behind, rivals in [
+        (0.5, 19.0, ('lugre_friction',)), (0.5, 21.0, ()), (2.0, 9.0, ()),
+    ]:  # fmt: skip
+        best = trial('input_delay', 1000.0, gain=gain)
+        assert rivals_of(best, [best, near(behind)], BASE) == rivals
+
+
 @pytest.mark.parametrize(('bend', 'wins'), [(1.0, 'lugre_friction'),
                                             (0.0, 'stribeck_friction')])  # fmt: skip
 def test_bristles_that_do_not_bend_are_a_special_case(bend, wins):
@@ -345,6 +357,10 @@ def test_what_took_the_place_of_another_took_nothing_away_itself():
 
 def test_what_does_away_with_a_known_friction_is_not_named():
     assert verdict(rung(10.0), rung(1.05, friction=1e-12)) is Verdict.UNKNOWN_EFFECT
+    several = rung(1.05, friction=1e-12, effects=('a', 'b'))
+    assert verdict(rung(10.0), rung(2.0, effects=('a',)), several) is Verdict.EFFECT_MISSING
+    less = rung(1.5, friction=1e-12, effects=('a', 'b'))
+    assert verdict(rung(10.0), rung(2.0, effects=('a',)), less) is Verdict.UNKNOWN_EFFECT
     unknown_before = rung(10.0, friction=1e-12)
     assert verdict(unknown_before, rung(1.05, friction=1e-12)) is Verdict.EFFECT_MISSING
 

@@ -28,9 +28,10 @@ MIN_WIDER_GAIN_PERCENT = 2.0
 """The same where the effect widens one that the model has: two extra parameters of a friction
 law first of all make up for what the narrower law has not right to the last detail."""
 
-TORN, MENDED = 1.3, 1.04
-"""Whitened variance, in units of the noise, that a law must leave, and that a wider one may leave,
-so that it is believed like any further effect: nothing is then left for another to explain."""
+TORN, WORN, MENDED = 1.3, 1.05, 1.04
+"""Whitened variance, in units of the noise, that a law must leave (the smaller where a wider one
+takes away nearly all of that), and that a wider one may leave, so that it is believed like any
+further effect: nothing is then left for another to explain."""
 
 MORE = 0.2
 """Part of what the effects of a model explain, which no wider law adds to it by making up for what

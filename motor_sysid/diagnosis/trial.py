@@ -20,6 +20,7 @@ from motor_sysid.diagnosis.gate import (
     NO_EVIDENCE,
     steadiness,
     TORN,
+    WORN,
 )
 from motor_sysid.diagnosis.matched import TOP_ORDER
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, slopes
@@ -135,7 +136,11 @@ class Level:
 
         It leaves nothing but noise where there was more, or adds much to what is explained.
         """
-        all_of_it = after < MENDED * self.rows and self.cost > TORN * self.rows
+        beyond = self.cost - self.rows
+        torn = self.cost > TORN * self.rows or (
+            self.cost > WORN * self.rows and self.cost - after > DEEP_SHARE * beyond
+        )
+        all_of_it = torn and after < MENDED * self.rows
         return all_of_it or self.cost - after > MORE * self.explained > 0.0
 
     def gain(self, new: Rung, bench: Bench) -> float:
