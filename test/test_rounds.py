@@ -10,7 +10,14 @@ from test_trials import prepared
 
 from motor_sysid.diagnosis import rounds
 from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
-from motor_sysid.diagnosis.rounds import led_back, outdone, straightened, unpromised
+from motor_sysid.diagnosis.rounds import (
+    led_back,
+    outdone,
+    passed_over,
+    straightened,
+    tried_instead,
+    unpromised,
+)
 from motor_sysid.diagnosis.rung import climb, judge
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import make_bench
@@ -120,6 +127,37 @@ def test_rungs_that_were_taken_back_are_not_told():
     assert straightened(ladder, 55.0) == ladder, 'the friction had no evidence but with the delay'
     ladder[0] = base, [tried('friction', 50.0, base)]
     assert straightened(ladder, 20.0) == ladder, 'it could not be simulated'
+
+
+def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
+    def trial(key, evidence, *effects):
+        variant = SimpleNamespace(effect=effect(key))
+        model = SimpleNamespace(effects=effects)
+        fit = SimpleNamespace(model=model)
+        return SimpleNamespace(
+            key=key, delta_bic=evidence, scored=SimpleNamespace(variant=variant), rung=fit
+        )
+
+    rung = SimpleNamespace(model=SimpleNamespace(effects=('gravity_load', 'flexible_shaft')))
+    wider = trial('backlash', 80.0, 'gravity_load', 'backlash')
+    tried = [
+        wider,
+        trial('backlash', 70.0, 'gravity_load', 'backlash'),
+        trial('backlash', 90.0, 'backlash'),  # without the gravity
+        trial('backlash', 95.0, 'gravity_load', 'flexible_shaft'),  # it could not be simulated
+        trial('stribeck_friction', 99.0, 'gravity_load', 'stribeck_friction'),
+    ]
+    assert tried_instead(rung, tried) == {'backlash': wider.rung.model}
+
+
+def test_where_much_is_left_all_that_has_evidence_gets_a_turn_with_several_starts():
+    singles = [
+        a_score('quadratic_drag', 50.0, finite=False),
+        *(a_score('torque_constant_saturation', 9.0 - k, finite=False) for k in range(4)),
+        a_score('coulomb_friction', -8.0, finite=False),
+    ]
+    found = passed_over(Scores(singles, [], None), {'quadratic_drag'})
+    assert [[one.delta_bic for one in starts] for starts in found] == [[9.0, 8.0, 7.0]]
 
 
 @dataclass(frozen=True)

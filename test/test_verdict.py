@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from motor_sysid.diagnosis import remainder
 from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
@@ -492,3 +493,19 @@ def test_a_function_of_the_motion_is_predictable():
     found = remaining(12_000, 5 * np.tanh(20 * motion) + 0.1 * slow_noise(12_000))
     assert found.predictable > 0.9
     assert found.structured
+
+
+def test_what_any_strength_of_the_ridge_predicts_of_other_blocks_is_no_noise(monkeypatch):
+    """Records that hardly move tell little of a feature; in the last quarter all of them do."""
+    rng, count, features = np.random.default_rng(6), 400, 240
+    size = np.where(np.arange(4 * count) < 3 * count, 0.02, 1.0)
+    x = size[:, np.newaxis] * rng.normal(size=(4 * count, features))
+    noise = rng.normal(size=(4 * count, 1))
+    y = np.where(size == 1.0, x @ (np.arange(features) % 20 == 0), 0.0)[:, np.newaxis] + noise
+    both, shares = remainder._cross_validated(x, y), []
+    for ridge in remainder._RIDGES:
+        monkeypatch.setattr(remainder, '_RIDGES', (ridge,))
+        shares.append(remainder._cross_validated(x, y))
+    assert both == max(shares) > 0.5
+    assert abs(shares[0] - shares[1]) > 1e-3
+    assert remainder._cross_validated(x, noise) < 0.01

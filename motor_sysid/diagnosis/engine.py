@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.rounds import (
     refitted,
     scored,
     straightened,
+    tried_instead,
     unseen,
 )
 from motor_sysid.diagnosis.rung import (
@@ -169,7 +170,8 @@ class Engine:
 
     def refits(self, scores: Scores, rung: Rung, base: Rung | None) -> list[Trial]:
         """Refit the best candidates on a fitted model; see `round`."""
-        return refitted(scores, rung, self.bench, self.settings.refits, self.tell, base)
+        earlier = tried_instead(rung, (t for trials in self.tried.values() for t in trials))
+        return refitted(scores, rung, self.bench, self.settings.refits, self.tell, base, earlier)
 
     def seen_by(self, rung: Rung) -> tuple[Rung, Scores]:
         """Score every candidate on a fit with another speed sensor."""

@@ -51,7 +51,8 @@ USUAL = 0.2
 
 MANY, STARTS, WORTH = 4, 3, 0.5
 """Variants above which an effect is refitted from several of them, how many at most, and what
-share of the best one's promise they must make."""
+share of the best one's promise they must make, unless so much is missing that promises tell
+little."""
 
 
 def try_effect(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
@@ -59,11 +60,16 @@ def try_effect(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     return settled(try_roughly(starts, level, bench), level, bench)
 
 
-def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
-    """Fit an effect from its best variants to some of the data, and judge the best on all."""
+def try_roughly(
+    starts: Sequence[Scored], level: Level, bench: Bench, earlier: Model | None = None
+) -> Trial:
+    """Fit an effect from its best variants to some of the data, and judge the best on all.
+
+    It begins as well from an `earlier` fit of the same effects, if there is one.
+    """
     rung = level.rung
-    most = max(one.gain for one in starts)
-    possible = [one for one in starts if one.gain >= WORTH * most and not _impossible(one)]
+    least = -np.inf if leaves_much(rung, bench) else WORTH * max(one.gain for one in starts)
+    possible = [one for one in starts if one.gain >= least and not _impossible(one)]
     tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
     one, model = starts[0], _opened(starts[0].variant.model, rung.model, starts[0])
     if level.is_incomplete:
@@ -72,6 +78,10 @@ def try_roughly(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
     if not tried:
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     one, model = tried[0]
+    if earlier is not None:
+        found = earlier.parameters.values()
+        mine = {name: value for name, value in found.items() if name in model.parameters}
+        tried.append((one, model.with_values(mine)))
     anew = lost(rung.model, bench)
     if not one.variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}

@@ -1,6 +1,6 @@
 """One round of a diagnosis: score every candidate on a fitted model, refit the best."""
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.refit import (
     best_per_effect,
     of_a_kind,
     settled,
+    STARTS,
     try_beside,
     try_roughly,
     try_thoroughly,
@@ -30,6 +31,7 @@ from motor_sysid.diagnosis.verdict import (
 )
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.model import Model
 
 Tell = Callable[[str], None]
 
@@ -64,11 +66,18 @@ def unseen(scores: Scores) -> set[str]:
 
 
 def refitted(
-    scores: Scores, rung: Rung, bench: Bench, limit: int, tell: Tell, base: Rung | None = None
+    scores: Scores,
+    rung: Rung,
+    bench: Bench,
+    limit: int,
+    tell: Tell,
+    base: Rung | None = None,
+    earlier: Mapping[str, Model] | None = None,
 ) -> list[Trial]:
     """Refit at most `limit` effects, best score first, and then special cases of those.
 
-    `base` is the fit of the model that had no effects yet.
+    `base` is the fit of the model that had no effects yet; `earlier` are models in which an effect
+    was tried in place of one of the model's, to begin from there as well.
 
     Returns
     -------
@@ -87,7 +96,8 @@ def refitted(
     tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
 
     def roughly(starts: Sequence[Scored]) -> Trial:
-        return try_roughly(starts, level, bench)
+        key = starts[0].variant.effect.key
+        return try_roughly(starts, level, bench, (earlier or {}).get(key))
 
     def finally_(trial: Trial) -> Trial:
         if contends(trial):
@@ -104,6 +114,11 @@ def refitted(
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
         if not any(trial.passes for trial in trials) and is_lost(rung, bench, base):
+            if base is None:
+                further = passed_over(scores, {trial.key for trial in trials})
+                tell(f'nothing helps, and much is left: trying {len(further)} effects more')
+                trials += pool.map(roughly, further)
+                chosen += further
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
         best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
         if best is not None and best.rung is not rung:
@@ -199,6 +214,20 @@ def _again(
     return [fitted.get(t.key, t) for t in trials]
 
 
+def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, Model]:
+    """Return the fitted models in which what widens an effect of a model was tried instead of it.
+
+    A narrower law that explains most of a wider one goes first; the way from its fit back to that
+    of the wider one may lead through valleys.
+    """
+    mine, found = set(rung.model.effects), {}
+    for trial in sorted(tried, key=lambda t: t.delta_bic):
+        narrower = mine & set(trial.scored.variant.effect.card.generalises)
+        if narrower and set(trial.rung.model.effects) == mine - narrower | {trial.key}:
+            found[trial.key] = trial.rung.model
+    return found
+
+
 def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
     """Return the starts of effects, but for those that were tried, whose score promises nothing.
 
@@ -210,6 +239,20 @@ def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
         if not one.variant.model.parameters.free and one.variant.effect.key not in tried
     ]  # fmt: skip
     return best_per_effect(finite, len(finite))
+
+
+def passed_over(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
+    """Return the starts of effects that have evidence and were not among the best.
+
+    Where the motor's parameters have gone far astray, a small touch of what is missing may tell
+    less than touches of much else, and little of its shape.
+    """
+    further = [
+        one for one in scores.singles
+        if one.variant.effect.key not in tried and one.delta_bic > 0.0 and one.allowed
+    ]  # fmt: skip
+    keys = dict.fromkeys(one.variant.effect.key for one in further)
+    return [[one for one in further if one.variant.effect.key == key][:STARTS] for key in keys]
 
 
 def accounted(base: Rung, last: Rung, bench: Bench, weighting: Weighting) -> float:
