@@ -131,6 +131,13 @@ def test_a_ratio_at_its_limit_means_another_law():
     assert 'damping ratio' in note(over, 'flexible_shaft', gain=10.0)
 
 
+def test_a_friction_that_does_not_rise_near_standstill_is_coulomb_friction():
+    flat = with_effect('stribeck_friction', {'tau_c': 1e-3, 'tau_s': 0.0})
+    assert 'nothing but Coulomb friction' in note(flat, 'stribeck_friction', gain=10.0)
+    risen = with_effect('stribeck_friction', {'tau_c': 1e-3, 'tau_s': 1e-3})
+    assert note(risen, 'stribeck_friction', gain=10.0) == ''
+
+
 @pytest.mark.parametrize(('tau_c', 'expected'), [(1e-3, ''), (0.0, UNPHYSICAL)])
 def test_a_rise_of_friction_without_friction_is_no_stribeck_friction(tau_c, expected):
     model = with_effect('stribeck_friction', {'tau_c': tau_c, 'tau_s': 6e-4, 'omega_s': 3.0})

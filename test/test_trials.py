@@ -69,6 +69,30 @@ def test_a_refit_finds_the_speed_sensor_that_the_records_do_not_tell(wrong):
     assert told.rung.model.speed_sensor is wrong
 
 
+@pytest.mark.parametrize(('right', 'wrong'), [(50.0, 40.0), (40.0, 50.0)])
+def test_where_another_speed_sensor_fits_better_the_evidence_decides(monkeypatch, right, wrong):
+    """Its errors are smaller as they are, and larger once a load that comes and goes is known."""
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared([r.select(['voltage', 'current', 'speed']) for r in data],
+                           SpeedSensor.DIFFERENCE)  # fmt: skip
+    evidence = {SpeedSensor.DIFFERENCE: right, SpeedSensor.IDEAL: wrong}
+    monkeypatch.setattr(
+        refit, 'misfit', lambda fit: float(fit.model.speed_sensor is SpeedSensor.DIFFERENCE)
+    )
+    whole = refit.judged
+
+    def judged(one, new, *rest):
+        gain = evidence[new.model.speed_sensor]
+        return replace(whole(one, new, *rest), delta_bic=gain, note='')
+
+    monkeypatch.setattr(refit, 'judged', judged)
+    scores = scored(rung, bench, [effect('coulomb_friction')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    found = refit.try_roughly(best_per_effect(scores.singles, 1)[0], level, bench)
+    assert found.delta_bic == 50.0
+    assert evidence[found.rung.model.speed_sensor] == 50.0
+
+
 def test_a_delay_begins_from_the_first_guess_of_the_motor_too(monkeypatch):
     """The inductance that made up for it hardly finds back."""
     data = records({'input_delay': {'delay': 3.4e-3}}, kinds=('steps',), seconds=3.0)

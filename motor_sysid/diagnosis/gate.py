@@ -158,6 +158,22 @@ def gone(new: Model, old: Model) -> str:
     return ''
 
 
+def narrowed(model: Model, key: str) -> str:
+    """Return the title of the special case that an effect has come to, or nothing.
+
+    All that it adds to the special case is nothing: a friction that does not rise near standstill
+    is Coulomb friction.
+    """
+    card = effect(key).card
+    for special, pairs in card.generalises.items():
+        taken = {mine for mine, _ in pairs}
+        extra = [a for a in card.amplitudes if a.positive and a.name not in taken]
+        added = [model.parameters[f'{key}.{a.name}'] for a in extra]
+        if added and all(p.value <= 1e-9 * p.upper for p in added):
+            return effect(special).card.title
+    return ''
+
+
 def feeds(model: Model, key: str, duration: float) -> bool:
     """Whether an effect uses up a friction in `duration` s for certain, and feeds energy then."""
     for name, sources in effect(key).card.drains.items():
@@ -238,6 +254,8 @@ def gate_note(
         return UNPHYSICAL
     if not np.isfinite(delta):
         return 'cannot be simulated'
+    if special := narrowed(new.model, key):
+        return f'is nothing but {special} here'
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE

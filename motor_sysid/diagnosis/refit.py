@@ -65,7 +65,8 @@ def try_roughly(
 ) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all.
 
-    It begins as well from an `earlier` fit of the same effects, if there is one.
+    It begins as well from an `earlier` fit of the same effects, if there is one.  Where another
+    speed sensor fits better, the evidence decides: a load that comes and goes hides much of it.
     """
     rung = level.rung
     least = -np.inf if leaves_much(rung, bench) else WORTH * max(one.gain for one in starts)
@@ -79,8 +80,8 @@ def try_roughly(
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     one, model = tried[0]
     if earlier is not None:
-        found = earlier.parameters.values()
-        mine = {name: value for name, value in found.items() if name in model.parameters}
+        known = earlier.parameters.values()
+        mine = {name: value for name, value in known.items() if name in model.parameters}
         tried.append((one, model.with_values(mine)))
     anew = lost(rung.model, bench)
     if not one.variant.model.parameters.free:
@@ -92,18 +93,23 @@ def try_roughly(
         first = rough_fit(model, rung.result.weighting, bench, FIRST_STEPS, reweight=0)
         return one, model, first
 
-    fits = [begun(one, model) for one, model in tried]
-    one, model, first = min(fits, key=lambda fit: misfit(fit[2]))
-    for sensor in bench.sensors:
-        if sensor is not rung.model.speed_sensor:
-            fits.append(begun(one, replace(model, speed_sensor=sensor)))
-    one, _, first = min(fits, key=lambda fit: misfit(fit[2]))
-    kept = [first, *([fits[-1][2]] if 'speed_sensor' in one.variant.effect.laws else [])]
-    roughs = [rough_fit(f.model, f.weighting, bench, ROUGH_STEPS) for f in kept]
-    rough = min(roughs, key=misfit)
-    if _chatters(model) and leaves_much(rung, bench):
-        seen = replace(model, speed_sensor=rough.model.speed_sensor)
-        rough = min(rough, slid(seen, first.weighting, bench), key=misfit)
+    here = min((begun(one, model) for one, model in tried), key=lambda fit: misfit(fit[2]))
+    one, model, _ = here
+    others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
+    beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
+    best = min((here, *beside), key=lambda fit: misfit(fit[2]))
+    both = 'speed_sensor' in one.variant.effect.laws or best is not here
+    found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
+    return max(found, key=lambda trial: (trial.passes, trial.delta_bic))
+
+
+def _followed(
+    one: Scored, model: Model, first: FitResult, level: Level, bench: Bench
+) -> Trial:
+    """Follow the first steps of a fit of `model` to the end of a rough one, and judge that."""
+    rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
+    if _chatters(model) and leaves_much(level.rung, bench):
+        rough = min(rough, slid(model, first.weighting, bench), key=misfit)
     rough = _undrained(rough, one.variant.effect.key, bench)
     return judged(one, _standing(rough, bench), level, bench)
 
