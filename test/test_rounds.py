@@ -21,6 +21,7 @@ from motor_sysid.diagnosis.rounds import (
 from motor_sysid.diagnosis.rung import climb, judge
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import make_bench
+from motor_sysid.diagnosis.variants import variants
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
@@ -101,6 +102,11 @@ def test_a_fit_gone_astray_begins_again_where_a_trial_that_is_nothing_ended():
     assert found.model['L'] == pytest.approx(right.model['L'], rel=1e-3)
     assert back(note=NO_EVIDENCE) is valley
     assert back(passes=True) is valley
+    weak, strong = (
+        SimpleNamespace(note='', passes=True, delta_bic=gain) for gain in (899.0, 901.0)
+    )
+    assert led_back([weak, trial], valley, bench, weighting).model == found.model
+    assert led_back([strong, trial], valley, bench, weighting) is valley
     assert back(delta_bic=5.0) is valley
     assert back(gain_percent=4.0) is valley
     assert led_back([trial], right, bench, weighting) is right
@@ -168,3 +174,19 @@ class Told:
     delta_bic: float
     note: str
     rung: object
+
+
+def test_the_sum_of_effects_that_the_model_has_is_not_tried():
+    data = records({}, kinds=('steps',), seconds=2.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    asymmetric = effect('asymmetric_coulomb_friction')
+
+    def tried(*keys):
+        model = rung.model
+        for key in keys:
+            model = model.with_effect(key, {}, bench.scales)
+        return list(variants(model, bench.scales, [asymmetric], {}))
+
+    assert tried('coulomb_friction')
+    assert tried('constant_load_torque')
+    assert not tried('coulomb_friction', 'constant_load_torque')

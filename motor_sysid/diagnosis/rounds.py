@@ -114,11 +114,11 @@ def refitted(
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
         if not any(trial.passes for trial in trials) and is_lost(rung, bench, base):
-            if base is None:
-                further = passed_over(scores, {trial.key for trial in trials})
-                tell(f'nothing helps, and much is left: trying {len(further)} effects more')
-                trials += pool.map(roughly, further)
-                chosen += further
+            further = passed_over(scores, {trial.key for trial in trials})
+            further = further if base is None else further[:limit]
+            tell(f'nothing helps, and much is left: trying {len(further)} effects more')
+            trials += pool.map(roughly, further)
+            chosen += further
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
         best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
         if best is not None and best.rung is not rung:
@@ -140,13 +140,12 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
     """Return the model fitted from where a trial ended that is nothing itself, if that is better.
 
     The parameters of a model may end in a valley far astray.  What then gains by an amplitude that
-    is nothing, or impossible, has but found the way out.
+    is nothing, or impossible, and more than all that passes, has but found the way out.
     """
-    if any(t.passes for t in trials):
-        return rung
+    most = max((t.delta_bic for t in trials if t.passes), default=bench.threshold)
     nothing = [
         t for t in trials
-        if t.note in (UNCERTAIN, UNPHYSICAL) and t.delta_bic > bench.threshold
+        if t.note in (UNCERTAIN, UNPHYSICAL) and t.delta_bic > most
         and t.gain_percent > MIN_FURTHER_GAIN_PERCENT
     ]  # fmt: skip
     if not nothing:

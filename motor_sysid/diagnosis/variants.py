@@ -45,13 +45,15 @@ def variants(
 
     `proposed` gives, by key, values worth trying for shapes that the data are searched for; see
     `motor_sysid.diagnosis.proposals`.  Effects that a free parameter of the motor covers are left
-    out.
+    out, and what is the sum of effects that the model has.
     """
     frozen = model.with_free([p.name for p in model.parameters.free], free=False)
     for one in map(model.kind.taking, effects):
         if not model.lacks(one):
             continue
         if any(one.key in effect(key).card.generalises for key in model.effects):
+            continue
+        if len(one.card.sum_of) > 1 and set(one.card.sum_of) <= set(model.effects):
             continue
         if any(p.name == one.card.covers for p in model.parameters.free):
             continue
