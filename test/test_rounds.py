@@ -121,18 +121,22 @@ def test_rungs_that_were_taken_back_are_not_told():
     def tried(key, evidence, on=None):
         return Told(key, evidence, UNCERTAIN, on)
 
-    delayed, both, last = rung('delay'), rung('delay', 'friction'), rung('friction')
+    friction = 'stribeck_friction'
+    delayed, both, last = rung('delay'), rung('delay', friction), rung(friction)
     base = rung()
     ladder = [
-        (base, [tried('delay', 90.0), tried('friction', 50.0)]),
-        (delayed, [tried('friction', 60.0)]), (both, []), (last, []),
+        (base, [tried('delay', 90.0), tried(friction, 50.0)]),
+        (delayed, [tried(friction, 60.0)]), (both, []), (last, []),
     ]  # fmt: skip
     straight = straightened(ladder, 20.0)
     assert [one for one, _ in straight] == [base, last]
     assert [t.note for t in straight[0][1]] == [UNCERTAIN, '']
     assert straightened(ladder, 55.0) == ladder, 'the friction had no evidence but with the delay'
-    ladder[0] = base, [tried('friction', 50.0, base)]
+    ladder[0] = base, [tried(friction, 50.0, base)]
     assert straightened(ladder, 20.0) == ladder, 'it could not be simulated'
+    narrow = rung('coulomb_friction')
+    widened = [(base, []), (narrow, [tried(friction, 30.0)]), (last, [])]
+    assert [one for one, _ in straightened(widened, 20.0)] == [base, narrow, last]
 
 
 def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():

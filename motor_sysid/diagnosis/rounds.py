@@ -31,6 +31,7 @@ from motor_sysid.diagnosis.verdict import (
 )
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
 Tell = Callable[[str], None]
@@ -165,10 +166,12 @@ def straightened(
 ) -> list[tuple[Rung, list[Trial]]]:
     """Return a ladder without the rungs of which an effect was taken back later.
 
-    All rungs stay if one of the effects that are left had no evidence but on such a rung.
+    What was widened was not taken back.  All rungs stay if one of the effects that are left had no
+    evidence but on such a rung.
     """
     (base, _), last = ladder[0], set(ladder[-1][0].model.effects)
-    kept = [rung for rung in ladder[1:] if set(rung[0].model.effects) <= last]
+    stay = last.union(*(effect(key).card.generalises for key in last))
+    kept = [rung for rung in ladder[1:] if set(rung[0].model.effects) <= stay]
     straight: list[tuple[Rung, list[Trial]]] = []
     missing = last - set(base.model.effects)
     for rung, trials in [ladder[0], *kept]:
