@@ -24,8 +24,9 @@ def trial(delta, note=f'{TOO_LITTLE} 0.0 % only', *, error=1.0, excess=1.0, bloc
     )
     model = SimpleNamespace(effects=(), parameters=SimpleNamespace(free=()))
     return SimpleNamespace(
-        delta_bic=delta, note=note, rung=SimpleNamespace(held=held, model=model), excess=excess
-    )
+        delta_bic=delta, note=note, rung=SimpleNamespace(held=held, model=model), excess=excess,
+        gain_percent=100.0 * (1.0 - error),
+    )  # fmt: skip
 
 
 def test_only_what_held_out_data_alone_refuse_is_looked_beyond():

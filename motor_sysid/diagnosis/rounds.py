@@ -66,6 +66,23 @@ def unseen(scores: Scores) -> set[str]:
     return keys - {one.variant.effect.key for one in scores.singles if one.overlap < ALIKE}
 
 
+def promising(scores: Scores, limit: int, leaves: bool) -> list[list[Scored]]:
+    """Return the starts of at most `limit` effects, best first: the best score in any case.
+
+    The others need evidence, unless they are a special case of one before them, or a wider form of
+    an effect of the model where this `leaves` more than noise.
+    """
+    chosen: list[list[Scored]] = []
+    special: set[str] = set()
+    for starts in best_per_effect(scores.singles, limit):
+        one = starts[0].variant.effect
+        wider = leaves and starts[0].variant.inherits
+        if starts[0].delta_bic > 0.0 or wider or one.key in special or not chosen:
+            special |= set(one.card.generalises)
+            chosen.append(starts)
+    return chosen
+
+
 def refitted(
     scores: Scores,
     rung: Rung,
@@ -86,14 +103,7 @@ def refitted(
     """
     level = Level.of(rung, bench, scores.weighting, base)
     leaves = level.cost > ONLY_NOISE * level.rows
-    chosen: list[list[Scored]] = []
-    special: set[str] = set()
-    for starts in best_per_effect(scores.singles, limit):
-        one = starts[0].variant.effect
-        wider = leaves and starts[0].variant.inherits
-        if starts[0].delta_bic > 0.0 or wider or one.key in special or not chosen:
-            special |= set(one.card.generalises)
-            chosen.append(starts)
+    chosen = promising(scores, limit, leaves)
     tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
 
     def roughly(starts: Sequence[Scored]) -> Trial:
