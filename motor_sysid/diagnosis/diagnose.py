@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.setup import (
     make_bench,
     prepared_parts,
     refuse_short,
+    told_kind,
     with_scales,
 )
 from motor_sysid.diagnosis.threshold import Threshold
@@ -60,6 +61,7 @@ def diagnose(
     tell = progress or (lambda text: None)
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
+    wanted = told_kind([*train, *validation], wanted)
     records, held = prepared_parts(train, validation, wanted, known)
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)

@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.setup import (
     make_bench,
     prepared,
     prepared_parts,
+    told_kind,
     with_scales,
 )
 from motor_sysid.diagnosis.steps import exact
@@ -146,6 +147,7 @@ def bench_of(
     """Return the data, prepared, and the model: the given one, or a fitted linear one."""
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal
+    wanted = told_kind([*train, *validation], wanted)
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
     bench = make_bench(records, held, kind, model, fraction, nominal)

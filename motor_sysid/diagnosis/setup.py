@@ -123,7 +123,17 @@ def prepared(
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):
         even = with_motion(even)
-    return even
+    ready = motor(wanted).prepare if wanted else None
+    return ready(even, known) if ready else even
+
+
+def told_kind(records: Sequence[Record], wanted: str | None) -> str | None:
+    """Return the motor kind that is wanted, else the one that the signals of all records tell."""
+    told = (
+        key for key, kind in motors().items()
+        if kind.tells and all(name in r for name in kind.tells for r in records)
+    )  # fmt: skip
+    return wanted or next(told, None)
 
 
 def prepared_parts(

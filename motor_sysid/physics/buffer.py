@@ -7,6 +7,8 @@ from motor_sysid.physics.native import call_lane, LANES
 from motor_sysid.physics.track import row_in
 
 TURN = ARGUMENTS.index('turn') * LANES
+BEFORE = ARGUMENTS.index('theta_before') * LANES
+STEP = ARGUMENTS.index('step') * LANES
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -99,6 +101,32 @@ def load_state(  # type: ignore[no-untyped-def]
         else:
             for k in range(wide):
                 p[row + k] = x[j, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def begin_step(  # type: ignore[no-untyped-def]
+    wide, p, x, position_row, follows, position, h
+):
+    """Write the angle at which a step of length `h` (W,) begins, and that length."""
+    for k in range(wide):
+        p[STEP + k] = h[k]
+    if follows:
+        for k in range(wide):
+            p[BEFORE + k] = position[k]
+    elif position_row >= 0:
+        for k in range(wide):
+            p[BEFORE + k] = x[position_row, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def add_jumps(wide, p, base, x, calls, states, rows):  # type: ignore[no-untyped-def]
+    """Add to states (n, W), which are loaded, what moves them at once."""
+    clear(wide, p, rows)
+    call_all(wide, base, calls, 0, calls.shape[0])
+    for i in range(states.shape[0]):
+        j, row = states[i], rows[i] * LANES
+        for k in range(wide):
+            x[j, k] += p[row + k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.effect import JUMPS
 from motor_sysid.physics.lanes import Lane
 from motor_sysid.physics.motors.base import Motor
 
@@ -27,12 +28,14 @@ class Calls:
 
     def __init__(self, kind: Motor) -> None:
         self._equation = {force.name: j for j, force in enumerate(kind.forces)}
+        self._states = kind.states
         self._own_state = {force.name: force.own_state for force in kind.forces}
         self._stiff: list[tuple[int, Lane, int, int]] = []
         self._plain: list[tuple[int, Lane, int, int]] = []
         self._slopes: list[tuple[int, Lane, int, int]] = []
         self._rates: list[tuple[Lane, int, int]] = []
         self._sensors: list[tuple[Lane, int, int]] = []
+        self._jumps: list[tuple[Lane, int, int]] = []
         self.fades: list[bool] = []
 
     def add(self, lane: Lane, own: int, state: int, *, in_core: bool = False) -> None:
@@ -48,6 +51,8 @@ class Calls:
             stiff = self._stiff if moved in reads else self._plain
             kind = self._slopes if f'd{moved}' in reads else stiff
             kind.append((self._equation[lane.target], lane, own, state))
+        elif lane.target in JUMPS:
+            self._jumps.append((lane, own, state))
         elif lane.target.endswith('_sensor'):
             self._sensors.append((lane, own, state))
         elif lane.own_state:
@@ -86,10 +91,16 @@ class Calls:
         return _table(self._sensors)
 
     @property
+    def jumps(self) -> tuple[Integers, Integers]:
+        """Laws that move states at once, and the states that they move, each once."""
+        moved = dict.fromkeys(call[0].target.removeprefix('jump_') for call in self._jumps)
+        return _table(self._jumps), integers([self._states.index(name) for name in moved])
+
+    @property
     def keep(self) -> list[Lane]:
         """Everything whose address is in a table."""
         equations = [call[1] for call in (*self._stiff, *self._plain, *self._slopes)]
-        return equations + [call[0] for call in (*self._rates, *self._sensors)]
+        return equations + [call[0] for call in (*self._rates, *self._sensors, *self._jumps)]
 
 
 def _table(calls: Sequence[tuple[Lane, int, int]]) -> Integers:

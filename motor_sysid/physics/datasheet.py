@@ -37,6 +37,8 @@ _SYMBOLS = {
 }
 _BETWEEN_TERMINALS = '_line_line_'
 """In the name of what is measured between two terminals: twice the value of a phase."""
+_OF_A_PHASE = 'phase_'
+"""What the name of a value of one phase begins with."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +77,7 @@ def load_datasheet(path: str | Path) -> Datasheet:
     if not isinstance(given, dict):
         raise UserError(f'data sheet {path}: `nominal` is not a mapping of names to numbers')
     nominal = {
-        _SYMBOLS[name]: _positive(path, name, value) * (0.5 if _BETWEEN_TERMINALS in name else 1.0)
+        _SYMBOLS[name]: _positive(path, name, value) * _per_model(name, kind)
         for name, value in given.items()
         if name in _SYMBOLS
     }
@@ -83,7 +85,17 @@ def load_datasheet(path: str | Path) -> Datasheet:
         raise UserError(
             f'data sheet {path}: motor_type `{kind}` is not known; known are {", ".join(motors())}'
         )
+    if 'supply_voltage_V' in content:
+        nominal['v_free'] = _positive(path, 'supply_voltage_V', content['supply_voltage_V'])
     return Datasheet(kind, nominal)
+
+
+def _per_model(name: str, kind: object) -> float:
+    """Return by what a value is multiplied for a kind with parameters between terminals or not."""
+    whole = isinstance(kind, str) and kind in motors() and motors()[kind].terminals
+    if _BETWEEN_TERMINALS in name:
+        return 1.0 if whole else 0.5
+    return 2.0 if whole and name.startswith(_OF_A_PHASE) else 1.0
 
 
 def _positive(path: str | Path, name: str, value: object) -> float:

@@ -6,6 +6,8 @@ argument names say what it needs, and nothing else has to be declared:
 * states and inputs of the motor: ``i, omega, theta, u, t`` (and ``i_d, i_q, u_d, u_q, ...``);
   ``t`` is the time since the start of the record, ``turn`` the angle in rad that the shaft turns
   in one step (see `motor_sysid.physics.laws.step_share`),
+* of a law that moves a state at once, the angle ``theta_before`` at the beginning of the step that
+  ends now, and the length of that ``step`` in s,
 * the rate of change of the equation that the law is added to: ``domega`` for a torque, ``di`` for
   a voltage; the law must be proportional to it,
 * parameters of the motor: ``R, L, k_t, J, b, ...``, and the widths ``omega_eps, i_eps``,
@@ -13,6 +15,8 @@ argument names say what it needs, and nothing else has to be declared:
 
 ``torque(...)`` is added to the torque balance and ``voltage(...)`` to the voltage balance;
 ``current_sensor(...)`` and ``speed_sensor(...)`` are added to what the sensor shows;
+``jump_i(...)`` and ``jump_omega(...)`` are added to current and speed at the end of a step (what
+happens at once, when the rotor passes an angle, say);
 ``rate(...)`` gives the time derivative of the effect's own state.  A card with ``delay`` set names
 the parameter that delays the input.
 
@@ -34,7 +38,7 @@ from motor_sysid.errors import UserError
 
 ARGUMENTS = (
     'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
-    'u_b', 'u_c', 'di', 'domega', 'turn', 'di_d', 'di_q', 'di_a', 'di_b',
+    'u_b', 'u_c', 'di', 'domega', 'turn', 'di_d', 'di_q', 'di_a', 'di_b', 'theta_before', 'step',
 )  # fmt: skip
 """Every state, input and rate of change that a law may ask for, in the order of the kernel's
 rows."""
@@ -47,6 +51,9 @@ SENSORS = (
     'current_b_sensor',
 )  # fmt: skip
 """Every sensor whose reading a law may change; the law's value is added to the signal."""
+
+JUMPS = ('jump_i', 'jump_omega')
+"""Every state that a law may move at once, at the end of a step, by adding its value."""
 
 SHORTFALLS = (
     'constant_input', 'no_motion', 'one_direction', 'few_speeds', 'mostly_at_rest', 'short_travel',
@@ -344,7 +351,7 @@ def load_effect(key: str, module: ModuleType) -> Effect:
             f'it may name {", ".join(SHORTFALLS)}'
         )
     forces = (*FORCES, *(f'torque_{frame}' for frame in FRAMES))
-    known = (*forces, REDUCED, *(SECOND + name for name in forces), *SENSORS)
+    known = (*forces, REDUCED, *(SECOND + name for name in forces), *SENSORS, *JUMPS)
     laws = {name: getattr(module, name) for name in known if hasattr(module, name)}
     if not laws and not card.delay:
         raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')

@@ -19,6 +19,9 @@ the order of the method.  The whole sample is then taken again in finer pieces. 
 count in a lane grows steadily with how far its laws have turned, so that differences between lanes
 stay smooth.
 
+What happens at once (the rotor passes an angle at which the drive commutates) is added to the
+state at the end of the step in which it happens.
+
 An input delay of k samples and a fraction f cuts each sample in two pieces of its own length in
 every lane: f under the older input, the rest under the newer one.  That is exact, too.  Each piece
 may be cut further in parts that grow with the time since the input changed.
@@ -30,7 +33,9 @@ from numba import njit
 import numpy as np
 
 from motor_sysid.physics.buffer import (
+    add_jumps,
     add_push,
+    begin_step,
     call_all,
     clear,
     evaluate_rates,
@@ -68,6 +73,7 @@ def run_block(  # type: ignore[no-untyped-def]
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
     linear, slope_calls, slope_force, slope_rows, sensor_calls,
+    jump_calls, jump_state, jump_rows,
     output_state, output_rate, output_bias, output_sensor, outputs,
 ):  # fmt: skip
     """Simulate one block and write its outputs.
@@ -112,6 +118,9 @@ def run_block(  # type: ignore[no-untyped-def]
         (K, 3) addresses of laws, offsets of their own parameters and of their own states.
     memory_fades:
         For each own state whether its rate depends on itself.
+    jump_calls, jump_state, jump_rows:
+        Laws that move states at once at the end of a step, these states, and the rows of what is
+        added to them.
     linear, slope_calls, ...:
         The linear motor, and laws that read the rate of change of their own equation; see
         `motor_sysid.physics.own_states.add_rate_laws`.
@@ -121,7 +130,7 @@ def run_block(  # type: ignore[no-untyped-def]
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
     fine = pieces - coarse
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]
-    n_memory = memory_offset.shape[0]
+    n_memory, n_jumps = memory_offset.shape[0], jump_calls.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
     work = np.empty((3, LANES))
     predicted, previous = np.empty((n, LANES)), state.copy()
@@ -179,7 +188,7 @@ def run_block(  # type: ignore[no-untyped-def]
             piece = part // substeps
             delayed = late.shape[0] > 0 and piece < lately
             hold_input(wide, u, inputs, late, places, sample - (1 if delayed else 0))
-            if n_lanes + n_slopes + n_memory == 0 and not pushed:
+            if n_lanes + n_slopes + n_memory + n_jumps == 0 and not pushed:
                 predict(wide, predicted, whole, piece, all_in)
                 for j in range(n):
                     for k in range(wide):
@@ -200,6 +209,9 @@ def run_block(  # type: ignore[no-untyped-def]
                 for k in range(wide):
                     passed[k] += h[k] / dt
                 follow(wide, position, places, sample, passed, there)
+
+            if n_jumps > 0:
+                begin_step(wide, p, x, position_row, follows, here, h)
 
             # stage 0: every law at the state
             load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
@@ -291,6 +303,11 @@ def run_block(  # type: ignore[no-untyped-def]
             correct(wide, x, predicted, phi2_force, piece, ended)
             if hard > 0.0:
                 push_late(wide, x, phi1_force, phi2_force, piece, share, jump)
+            if n_jumps > 0:
+                load_state(
+                    wide, p, x, state_rows, position_row, speed_row, follows, there, h
+                )
+                add_jumps(wide, p, base, x, jump_calls, jump_state, jump_rows)
             part += 1
             if part == whole_sample and fine > 0 and np.any(turned[:wide] > 0.0):
                 for j in range(n):

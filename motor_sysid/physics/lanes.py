@@ -21,13 +21,22 @@ import numpy as np
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics import laws, native
-from motor_sysid.physics.effect import ARGUMENTS, arguments, Effect, FORCES, Law, SECOND, SENSORS
+from motor_sysid.physics.effect import (
+    ARGUMENTS,
+    arguments,
+    Effect,
+    FORCES,
+    JUMPS,
+    Law,
+    SECOND,
+    SENSORS,
+)
 
 LANES = native.LANES
 """Parameter vectors in one block."""
 
 ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
-ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate((*FORCES, *SENSORS))}
+ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate((*FORCES, *SENSORS, *JUMPS))}
 FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(ROW_OF_FORCE)
 
 _TEMPLATE = """

@@ -135,6 +135,9 @@ class Program:
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors = calls.slopes, calls.sensors
+        laws, moved = calls.jumps
+        rows = [ROW_OF_FORCE[f'jump_{self.kind.states[j]}'] for j in moved]
+        self._jumps = laws, moved, integers(rows)
         self.pace = Pace(self.kind, self.effects, self.names, calls.slopes[1].tolist())
         everything = (*self.effects, *([self.kind.own] if self.kind.own else []))
         self.reads_angle = any('theta' in one.needs() for one in everything)
@@ -377,6 +380,7 @@ class Program:
             *self._slopes,
             self._slope_rows,
             self._sensors,
+            *self._jumps,
             *self._outputs,
             outputs,
         )

@@ -1,17 +1,51 @@
-"""A position from Hall sectors: exact at the edges, a straight line in between."""
+"""Hall sectors and positions: each tells the other, and how the two lie to each other.
 
-from collections.abc import Mapping
+Sectors are numbered 1 to 6, or 0 to 5, in the order in which a forward turn passes them; the first
+one begins at an electrical angle of 30 degrees (see `motor_sysid.signals.phases.hall_sector`).
+"""
+
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.signals.phases import SECTOR
+from motor_sysid.signals.phases import hall_sector, SECTOR
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
 _FEWEST = 12
+_MOST_PAIRS = 24
+
+_AGREES = 0.8
+"""Least length of the mean of turns from -30 to 30 degrees; it is 0.95 where all is well."""
+
+_SEARCH, _ROUNDED = 0.1, 0.01
+"""How far (rad) about the mean offset a better one is looked for, and what share of the samples an
+encoder may round into a neighbouring sector."""
+
+_INSIDE, _CLOSE = 1e-6, 0.1
+"""How far inside of a sector a position is put that is less than a tenth of a sector outside."""
+
+
+def sector_codes(sectors: Array) -> NDArray[np.int64]:
+    """Return (N,) sectors 1 to 6 from such ones, or from those that are counted from 0 on.
+
+    Raises
+    ------
+    UserError
+        If a value is no sector.
+    """
+    codes: NDArray[np.int64] = np.round(sectors).astype(np.int64)
+    low, high = int(codes.min()), int(codes.max())
+    if low == 0 and high <= 5:
+        return codes + 1
+    if low < 1 or high > 6:
+        raise UserError(
+            f'`hall_sector` goes from {low} to {high}; sectors are 1 to 6, or 0 to 5'
+        )
+    return codes
 
 
 def electrical_angle_of(sectors: Array, time: Array) -> Array:
@@ -23,8 +57,7 @@ def electrical_angle_of(sectors: Array, time: Array) -> Array:
     Parameters
     ----------
     sectors:
-        (N,) sectors 1 to 6; sector 1 begins at 30 degrees, see
-        `motor_sysid.signals.phases.hall_sector`.
+        (N,) sectors.
     time:
         (N,) s.
 
@@ -34,10 +67,7 @@ def electrical_angle_of(sectors: Array, time: Array) -> Array:
         If a value is no sector, sectors are skipped, or the motor turned by less than two
         electrical turns.
     """
-    codes = np.round(sectors).astype(np.int64)
-    if np.any((codes < 1) | (codes > 6)):
-        wrong = codes[(codes < 1) | (codes > 6)][0]
-        raise UserError(f'`hall_sector` has a {wrong}; sectors are 1 to 6')
+    codes = sector_codes(sectors)
     steps = (np.diff(codes) + 3) % 6 - 3
     if np.any(np.abs(steps) > 1):
         at = int(np.argmax(np.abs(steps) > 1))
@@ -56,6 +86,75 @@ def electrical_angle_of(sectors: Array, time: Array) -> Array:
         time, 0.5 * (time[edges] + time[edges + 1]), (upper - 0.5) * SECTOR
     )
     return angle
+
+
+def pole_pairs_of(records: Sequence[Record]) -> float:
+    """Return the pole pairs with which Hall sectors and positions agree best.
+
+    Raises
+    ------
+    UserError
+        If no record has both, or no number stands out.
+    """
+    both = _moving(records)
+    agreement = [abs(_mean_turn(both, pairs)) for pairs in range(1, _MOST_PAIRS + 1)]
+    if not both or max(agreement) < _AGREES:
+        raise UserError(
+            'these records do not tell the pole pairs of the motor: that takes Hall sectors and '
+            'positions over some turns; give `pole_pairs` in the data sheet (--nominal) or in the '
+            'model'
+        )
+    return 1.0 + int(np.argmax(agreement))
+
+
+def angle_offset_of(records: Sequence[Record], pole_pairs: float) -> float:
+    """Return the electrical angle at position zero in rad, read from Hall sectors; else 0.
+
+    Where positions agree with sectors as they are, to the rounding of an encoder, it is 0.
+    """
+    both = _moving(records)
+    if not both or abs(_mean_turn(both, pole_pairs)) < _AGREES:
+        return 0.0
+    found = float(np.angle(_mean_turn(both, pole_pairs)))
+    tried = np.array([0.0, *(found + np.linspace(-_SEARCH, _SEARCH, 121))])
+    wrong = [
+        sum(np.count_nonzero(hall_sector(pole_pairs * r['position'] + offset)
+                             != sector_codes(r['hall_sector'])) for r in both)
+        for offset in tried
+    ]  # fmt: skip
+    least = min(wrong[1:])
+    if wrong[0] <= least + _ROUNDED * sum(len(r) for r in both):
+        return 0.0
+    return float(np.mean(tried[1:][np.array(wrong[1:]) == least]))
+
+
+def within_sectors(record: Record, pole_pairs: float, offset: float) -> Record:
+    """Return the record with positions moved into their Hall sectors, where they are close by."""
+    if 'position' not in record or 'hall_sector' not in record:
+        return record
+    place = (pole_pairs * record['position'] + offset) / SECTOR - 0.5
+    code = sector_codes(record['hall_sector']) - 1
+    low = code + 6.0 * np.round((place - code - 0.5) / 6.0)
+    inside = np.clip(place, low + _INSIDE, low + 1.0 - _INSIDE)
+    moved = np.where(np.abs(inside - place) < _CLOSE, inside, place)
+    angle = ((moved + 0.5) * SECTOR - offset) / pole_pairs
+    return record.with_signal('position', angle, record.units['position'])
+
+
+def _moving(records: Sequence[Record]) -> list[Record]:
+    return [
+        r for r in records
+        if 'position' in r and 'hall_sector' in r and np.ptp(r['hall_sector']) > 0
+    ]  # fmt: skip
+
+
+def _mean_turn(records: Sequence[Record], pole_pairs: float) -> complex:
+    """Return the mean of exp(j (middle of the sector - electrical angle)); 0 without records."""
+    turns = [
+        np.exp(1j * (sector_codes(r['hall_sector']) * SECTOR - pole_pairs * r['position']))
+        for r in records
+    ]
+    return complex(np.mean(np.concatenate(turns))) if turns else 0j
 
 
 def with_hall_position(record: Record, known: Mapping[str, float]) -> Record:

@@ -7,7 +7,8 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.motors.base import Motor
 
 _FILES = (
-    'brushed_dc', 'pmsm', 'bldc', 'pmsm_q', 'brushed_dc_reduced', 'mechanical_axis', 'inverse_axis'
+    'brushed_dc', 'pmsm', 'bldc', 'bldc_six_step', 'pmsm_q', 'brushed_dc_reduced',
+    'mechanical_axis', 'inverse_axis',
 )  # fmt: skip
 
 

@@ -158,6 +158,13 @@ class Motor:
         Its only equation, where that is a balance of voltages under another name, or empty.
     unmeasured:
         Kind that takes its place where its currents were not all recorded, or empty.
+    terminals:
+        Whether its resistance and inductance are those between two terminals of three.
+    tells:
+        Signals that tell of this kind: where all were recorded, it is taken unless another one is
+        asked for.
+    prepare:
+        ``records, known -> records`` with what this kind needs beside the signals of a record.
     """
 
     key: str
@@ -182,18 +189,22 @@ class Motor:
     foreign: tuple[str, ...] = ()
     balance: str = ''
     unmeasured: str = ''
+    terminals: bool = False
+    tells: tuple[str, ...] = ()
+    prepare: Callable[[Sequence[Record], Mapping[str, float]], list[Record]] | None = None
 
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""
         rates = {f'd{force.own_state}' for force in self.forces}
         own = {*self.states, *self.arguments, *(p.name for p in self.parameters)}
-        return own | rates | {'t', 'turn'}
+        return own | rates | {'t', 'turn', 'theta_before', 'step'}
 
     def taking(self, one: Effect) -> Effect:
         """Return an effect with those of its laws that this motor takes."""
         sensors = [f'{output.signal}_sensor' for output in self.outputs]
         equations = [force.name for force in self.forces]
-        return one.within(self.frame, (*equations, *sensors), self.balance)
+        jumps = [f'jump_{state}' for state in self.states]
+        return one.within(self.frame, (*equations, *sensors, *jumps), self.balance)
 
     def with_derived(
         self, signals: Mapping[str, Array], values: Mapping[str, float]
@@ -213,7 +224,7 @@ class Motor:
     def needs_position(self) -> bool:
         """Whether its equations depend on the angle of the shaft."""
         own = self.own.laws if self.own else {}
-        laws = [own[force.name] for force in self.forces if force.name in own]
+        laws = [law for name, law in own.items() if not name.endswith('_sensor')]
         return any('theta' in arguments(law) for law in laws)
 
     @property
