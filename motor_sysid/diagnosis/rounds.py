@@ -47,6 +47,11 @@ SHARE, BEHIND = 0.9, 100.0
 this much behind it, or if it is a wider or a narrower form of the winner: it is no rival."""
 
 
+WORTH_IT = 0.2 * MIN_FURTHER_GAIN_PERCENT
+"""Fall of the held-out error after a rough fit, in percent, from which on a further effect is fitted
+to all of the data though the model leaves nothing but noise: it must come to five times as much."""
+
+
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:
     """Score every candidate that can be added to a fitted model."""
     problem, near = bench.problem(rung.model), slopes(rung, bench)
@@ -118,6 +123,8 @@ def refitted(
     def contends(trial: Trial) -> bool:
         if trial is winner or trial.delta_bic < min(SHARE * most, most - BEHIND):
             return trial is winner
+        if winner is None and rung.model.effects and not level.is_incomplete:
+            return trial.delta_bic > 0.0 and trial.gain_percent > WORTH_IT
         return trial.delta_bic > 0.0 if winner is None else not related(trial, winner)
 
     with ThreadPoolExecutor(WORKERS) as pool:
