@@ -15,9 +15,6 @@ Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 Matrices = tuple[Array, Array, Array]
 
-LONGEST_TURN = 0.35
-"""Electrical angle (rad) that a motor may turn in one step of integration."""
-
 MOST_SUBSTEPS = 64
 
 
@@ -154,6 +151,8 @@ class Motor:
         Effects that it cannot have, though its equations would take them.
     wave:
         Parameter that counts the electrical turns in one turn of the shaft, or empty.
+    longest_turn:
+        Electrical angle in rad that it may turn in one step of integration.
     balance:
         Its only equation, where that is a balance of voltages under another name, or empty.
     unmeasured:
@@ -185,6 +184,7 @@ class Motor:
     typical: Callable[[Values], Matrices] | None = None
     shown: tuple[str, ...] = ()
     wave: str = ''
+    longest_turn: float = 0.35
     prompt: bool = False
     foreign: tuple[str, ...] = ()
     balance: str = ''
@@ -241,7 +241,7 @@ class Motor:
 
         The laws of a three-phase motor turn with its electrical angle.
         """
-        turned = values[self.wave] * abs(speed) * dt / LONGEST_TURN if self.wave else 0.0
+        turned = values[self.wave] * abs(speed) * dt / self.longest_turn if self.wave else 0.0
         return max(min(math.ceil(turned), MOST_SUBSTEPS), 1) if turned > 1.0 else 1
 
 

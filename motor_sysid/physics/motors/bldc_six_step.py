@@ -107,6 +107,7 @@ MOTOR = replace(
     own=load_effect('bldc_six_step', bldc_six_step_laws),
     shown=('current_offset_a', 'current_offset_b'),
     wave='pole_pairs',
+    longest_turn=0.9,
     foreign=('brush_voltage_drop',),
     terminals=True,
     unmeasured='',

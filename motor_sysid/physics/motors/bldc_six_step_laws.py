@@ -70,16 +70,22 @@ def current_sensor(
     return part_of(sector) * current_offset_a + part_of(sector - 2.0) * current_offset_b
 
 
+@law_function
+def settled(x: float) -> float:
+    """Return ``1 - exp(-x)`` for x from 0 to 2, to 0.008."""
+    return x / (1.0 + 0.5 * x + x * x / 12.0)
+
+
 def jump_i(
-    i: float, omega: float, theta: float, theta_before: float, step: float, u: float, L: float,
-    k_t: float, emf_ratio: float, pole_pairs: float, angle_offset: float,
+    i: float, omega: float, theta: float, theta_before: float, step: float, u: float, R: float,
+    L: float, k_t: float, emf_ratio: float, pole_pairs: float, angle_offset: float,
 ) -> float:  # fmt: skip
     """Change of the current in A, as it is at the end of the step in which it happened."""
     before = sectors(theta_before, pole_pairs, angle_offset)
     now = sectors(theta, pole_pairs, angle_offset)
-    since = step * share_since(before, now)
+    since = settled(step * share_since(before, now) * R / L)
     left = 0.5 ** crossed(before, now)
-    return (left - 1.0) * i + 0.5 * since * (u - k_t * emf_ratio * omega) / L
+    return (left - 1.0) * i + 0.5 * since * (u - k_t * emf_ratio * omega) / R
 
 
 def jump_omega(
@@ -90,10 +96,16 @@ def jump_omega(
     """Change of the speed in rad/s: for less current since, and for the phase that was left."""
     before = sectors(theta_before, pole_pairs, angle_offset)
     now = sectors(theta, pole_pairs, angle_offset)
-    since = step * share_since(before, now)
     happens = np.minimum(crossed(before, now), 1.0)
+    since = settled(step * share_since(before, now) * R / L)
     induced = k_t * emf_ratio * omega
-    then = i - since * (u - R * i - induced) / L
+    end = (u - induced) / R
+    then = end + (i - end) / (1.0 - since)
     against = np.maximum(v_free + np.sign(then) * induced, 0.2 * v_free)
-    freeing = 0.375 * L * then * np.abs(then) / against
-    return happens * k_t / J * (freeing - 0.5 * since * then)  # type: ignore[no-any-return]
+    size = np.abs(then)
+    slower = 1.0 + R * size / against
+    time = 1.5 * L * size / (against + 0.75 * R * size)
+    fading = np.maximum(1.0 - 2.0 / PI * pole_pairs * np.abs(omega) * time, 0.0)
+    freeing = 0.375 * L * then * size / (against * slower) * fading
+    less = 0.5 * then * since * L / R
+    return happens * k_t / J * (freeing - less)  # type: ignore[no-any-return]
