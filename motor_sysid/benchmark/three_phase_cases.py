@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.benchmark.excitation import PROFILES
 from motor_sysid.benchmark.machine import BLDC_SHEETS, Machine, MachineSheet, PMSM_SHEETS
-from motor_sysid.benchmark.three_phase import span, STATES, THETA
+from motor_sysid.benchmark.three_phase import OMEGA, span, STATES, THETA
 from motor_sysid.control.six_step import FORWARD
 from motor_sysid.errors import UserError
 from motor_sysid.signals.channels import BY_NAME
@@ -33,8 +33,8 @@ Array = NDArray[np.float64]
 DT, SECONDS, STEPS = 1e-3, 10.0, 50
 """Sample time and length of a record, s, and steps of the simulation in a sample."""
 
-_DRIVEN, _DIODE = FORWARD, 0.7
-"""Phases that drive, by sector; and the voltage of a diode, V."""
+_DRIVEN, _DIODE, _SHORTEST = FORWARD, 0.7, 1e-8
+"""Phases that drive, by sector; the voltage of a diode, V; and the shortest step, s."""
 
 _BEARABLE = 4.0
 """Current at standstill under the largest voltage of an open-loop record, in rated ones."""
@@ -278,26 +278,34 @@ def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no
     """
     supply, dead, band = bridge
     v, low, high, shown = np.empty((4, 3))
+    h = DT / STEPS
     for k in range(STEPS):
         u, u_q = older if k < late else newer
-        angle = machine.pole_pairs * x[THETA]
-        off = -1
-        if machine.corner > 0.0:
-            sector = int(math.floor(angle / (math.pi / 3.0) - 0.5)) % 6
-            into, out = _DRIVEN[sector]
-            off = 3 - into - out
-            v[into], v[out], v[off] = 0.5 * (supply + u), 0.5 * (supply - u), 0.0
-        else:
-            alpha = u * math.cos(angle) - u_q * math.sin(angle)
-            side = 0.5 * math.sqrt(3.0) * (u * math.sin(angle) + u_q * math.cos(angle))
-            v[0], v[1] = alpha + 0.5 * supply, side - 0.5 * alpha + 0.5 * supply
-            v[2] = -side - 0.5 * alpha + 0.5 * supply
-        for j in range(3):
-            lost = dead * min(max(x[j] / band, -1.0), 1.0)
-            low[j] = high[j] = v[j] - lost
-        if off >= 0:
-            low[off], high[off] = -_DIODE, supply + _DIODE
-        span(machine, x, low, high, t + k * DT / STEPS, DT / STEPS, 1, work, shown)
+        left = h
+        while left > 0.0:
+            part, off = left, -1
+            angle = machine.pole_pairs * x[THETA]
+            if machine.corner > 0.0:
+                place, way = angle * 3.0 / math.pi - 0.5, machine.pole_pairs * x[OMEGA]
+                sector = math.floor(place + (1e-9 if way >= 0.0 else -1e-9))
+                edge = (sector + 1.0 if way > 0.0 else sector) - place
+                if way != 0.0:  # a step ends where the next sector begins
+                    part = min(left, max(edge * math.pi / 3.0 / way, _SHORTEST))
+                into, out = _DRIVEN[int(sector) % 6]
+                off = 3 - into - out
+                v[into], v[out], v[off] = 0.5 * (supply + u), 0.5 * (supply - u), 0.0
+            else:
+                alpha = u * math.cos(angle) - u_q * math.sin(angle)
+                side = 0.5 * math.sqrt(3.0) * (u * math.sin(angle) + u_q * math.cos(angle))
+                v[0], v[1] = alpha + 0.5 * supply, side - 0.5 * alpha + 0.5 * supply
+                v[2] = -side - 0.5 * alpha + 0.5 * supply
+            for j in range(3):
+                lost = dead * min(max(x[j] / band, -1.0), 1.0)
+                low[j] = high[j] = v[j] - lost
+            if off >= 0:
+                low[off], high[off] = -_DIODE, supply + _DIODE
+            span(machine, x, low, high, t + (k + 1) * h - left, part, 1, work, shown)
+            left = left - part if part < left else 0.0
 
 
 def _six_step(
