@@ -14,6 +14,7 @@ The machine is that of `three_phase`: phases, set-valued legs, steps of 20 us.
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 import math
+from typing import NamedTuple
 
 from numba import njit
 import numpy as np
@@ -36,7 +37,7 @@ DT, SECONDS, STEPS = 1e-3, 10.0, 50
 _DRIVEN, _DIODE, _SHORTEST = FORWARD, 0.7, 1e-8
 """Phases that drive, by sector; the voltage of a diode, V; and the shortest step, s."""
 
-_BEARABLE = 4.0
+_BEARABLE = 2.5
 """Current at standstill under the largest voltage of an open-loop record, in rated ones."""
 
 TOLERANCE = 0.12
@@ -208,8 +209,10 @@ def draw(name: str, seed: int, number: int = 0) -> ThreePhaseCase:
     run = _six_step if kind == 'six_step' else _pmsm
     profiles = [str(p) for p in rng.permutation(list(PROFILES))[:3]]
     closed = rng.random(3) < 0.5
+    sensors = _sensors(sheet, rng)
     records = tuple(
-        run(hidden, sheet, PROFILES[p], bool(c), rng) for p, c in zip(profiles, closed, strict=True)
+        run(hidden, sheet, sensors, PROFILES[p], bool(c), rng)
+        for p, c in zip(profiles, closed, strict=True)
     )
     return ThreePhaseCase(
         kind, '' if effect == 'complete' else effect, size, hidden, records[:2], records[2:],
@@ -233,28 +236,45 @@ def _machine(sheet: MachineSheet, rng: np.random.Generator) -> Machine:
     )  # fmt: skip
 
 
+class Sensors(NamedTuple):
+    """Angle of an encoder's count, rad; noise, step and offsets (3,) of the currents, A."""
+
+    count: float
+    noise: float
+    step: float
+    offsets: Array
+
+
+def _sensors(sheet: MachineSheet, rng: np.random.Generator) -> Sensors:
+    return Sensors(
+        2 * math.pi / float(rng.choice([2000, 4096, 10000])),
+        float(rng.uniform(0.004, 0.01)) * sheet.current,
+        4 * sheet.current / 2048,
+        rng.uniform(-0.01, 0.01, 3) * sheet.current,
+    )
+
+
 class _Rig:
     """The machine, its bridge with delay and dead time, and its sensors."""
 
-    def __init__(self, hidden: Hidden, sheet: MachineSheet, rng: np.random.Generator) -> None:
-        self.hidden, self.sheet, self.rng = hidden, sheet, rng
+    def __init__(
+        self, hidden: Hidden, sheet: MachineSheet, sensors: Sensors, rng: np.random.Generator
+    ) -> None:
+        self.hidden, self.sheet, self.sensors, self.rng = hidden, sheet, sensors, rng
         self.machine = Machine(*map(float, hidden.machine))
         self.x, self._work = np.zeros(STATES), np.zeros((6, STATES))
         self._count = 0
-        self.counts = 2 * math.pi / float(rng.choice([2000, 4096, 10000]))
-        self.noise = float(rng.uniform(0.004, 0.01)) * sheet.current
-        self.step = 4 * sheet.current / 2048
-        self.offsets = rng.uniform(-0.01, 0.01, 3) * sheet.current
         self._late: list[tuple[float, float]] = [(0.0, 0.0)] * (2 + int(hidden.delay / DT))
 
     def currents(self) -> Array:
         """Return the (3,) currents as measured, A."""
-        seen = self.x[:3] + self.offsets + self.noise * self.rng.standard_normal(3)
-        return np.asarray(self.step * np.round(seen / self.step))
+        own = self.sensors
+        seen = self.x[:3] + own.offsets + own.noise * self.rng.standard_normal(3)
+        return np.asarray(own.step * np.round(seen / own.step))
 
     def angle(self) -> float:
         """Return the angle as the encoder shows it, rad."""
-        return self.counts * math.floor(float(self.x[THETA]) / self.counts)
+        return self.sensors.count * math.floor(float(self.x[THETA]) / self.sensors.count)
 
     def advance(self, first: float, second: float = 0.0) -> None:
         """Run one sample under the commanded voltage: across the pair, or on both axes."""
@@ -309,11 +329,12 @@ def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no
 
 
 def _six_step(
-    hidden: Hidden, sheet: MachineSheet, profile: Callable[..., Array], closed: bool,
-    rng: np.random.Generator,
+    hidden: Hidden, sheet: MachineSheet, sensors: Sensors, profile: Callable[..., Array],
+    closed: bool, rng: np.random.Generator,
 ) -> Record:  # fmt: skip
     """Return a record of a six-step drive: voltage as the profile says, or a PI speed loop."""
-    rig, m, time = _Rig(hidden, sheet, rng), hidden.machine, DT * np.arange(round(SECONDS / DT))
+    rig, m = _Rig(hidden, sheet, sensors, rng), hidden.machine
+    time = DT * np.arange(round(SECONDS / DT))
     slow = m.J * 2 * m.R / (2 * m.k_e) ** 2
     shape, level = profile(time, slow, rng), float(rng.uniform(0.25, 0.6))
     bearable = min(sheet.supply, _BEARABLE * sheet.current * 2 * m.R / 0.6)
@@ -345,11 +366,12 @@ def _six_step(
 
 
 def _pmsm(
-    hidden: Hidden, sheet: MachineSheet, profile: Callable[..., Array], closed: bool,
-    rng: np.random.Generator,
+    hidden: Hidden, sheet: MachineSheet, sensors: Sensors, profile: Callable[..., Array],
+    closed: bool, rng: np.random.Generator,
 ) -> Record:  # fmt: skip
     """Return a record under field-oriented control: speed, or without a speed loop torque."""
-    rig, m, time = _Rig(hidden, sheet, rng), hidden.machine, DT * np.arange(round(SECONDS / DT))
+    rig, m = _Rig(hidden, sheet, sensors, rng), hidden.machine
+    time = DT * np.arange(round(SECONDS / DT))
     bandwidth = 0.25 / (DT + 2 * hidden.delay)
     inertial = m.J / (1.5 * m.k_e)
     shape, top = profile(time, 20.0 / bandwidth, rng), 0.4 * sheet.top_speed

@@ -48,8 +48,9 @@ this much behind it, or if it is a wider or a narrower form of the winner: it is
 
 
 WORTH_IT = 0.2 * MIN_FURTHER_GAIN_PERCENT
-"""Fall of the held-out error after a rough fit, in percent, from which on a further effect is fitted
-to all of the data though the model leaves nothing but noise: it must come to five times as much."""
+"""Fall of the held-out error after a rough fit, in percent, from which on a further effect is
+fitted to all of the data though the model leaves nothing but noise: it must come to five times as
+much."""
 
 
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:

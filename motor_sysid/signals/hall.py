@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.signals.phases import hall_sector, SECTOR
+from motor_sysid.signals.phases import SECTOR
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -20,10 +20,6 @@ _MOST_PAIRS = 24
 
 _AGREES = 0.8
 """Least length of the mean of turns from -30 to 30 degrees; it is 0.95 where all is well."""
-
-_SEARCH, _ROUNDED = 0.1, 0.01
-"""How far (rad) about the mean offset a better one is looked for, and what share of the samples an
-encoder may round into a neighbouring sector."""
 
 _INSIDE, _CLOSE = 1e-6, 0.1
 """How far inside of a sector a position is put that is less than a tenth of a sector outside."""
@@ -108,24 +104,21 @@ def pole_pairs_of(records: Sequence[Record]) -> float:
 
 
 def angle_offset_of(records: Sequence[Record], pole_pairs: float) -> float:
-    """Return the electrical angle at position zero in rad, read from Hall sectors; else 0.
+    """Return the electrical angle at position zero in rad, read from Hall sectors; 0 without.
 
-    Where positions agree with sectors as they are, to the rounding of an encoder, it is 0.
+    An encoder that counts full steps is half a step behind on average; that is part of it.  The
+    offset of records that `within_sectors` has seen to is the one that it was given.
     """
     both = _moving(records)
     if not both or abs(_mean_turn(both, pole_pairs)) < _AGREES:
         return 0.0
     found = float(np.angle(_mean_turn(both, pole_pairs)))
-    tried = np.array([0.0, *(found + np.linspace(-_SEARCH, _SEARCH, 121))])
-    wrong = [
-        sum(np.count_nonzero(hall_sector(pole_pairs * r['position'] + offset)
-                             != sector_codes(r['hall_sector'])) for r in both)
-        for offset in tried
-    ]  # fmt: skip
-    least = min(wrong[1:])
-    if wrong[0] <= least + _ROUNDED * sum(len(r) for r in both):
-        return 0.0
-    return float(np.mean(tried[1:][np.array(wrong[1:]) == least]))
+    begins = np.concatenate([
+        (sector_codes(r['hall_sector']) - 0.5) * SECTOR - pole_pairs * r['position'] for r in both
+    ]) - found  # fmt: skip
+    begins = (begins + np.pi) % (2 * np.pi) - np.pi
+    ends, near = begins + SECTOR, _CLOSE * SECTOR
+    return found + 0.5 * float(np.max(begins[begins < near]) + np.min(ends[ends > -near]))
 
 
 def within_sectors(record: Record, pole_pairs: float, offset: float) -> Record:
