@@ -315,6 +315,7 @@ def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no
                 off = 3 - into - out
                 v[into], v[out], v[off] = 0.5 * (supply + u), 0.5 * (supply - u), 0.0
             else:
+                angle += 0.5 * h * machine.pole_pairs * x[OMEGA]  # as it is halfway
                 alpha = u * math.cos(angle) - u_q * math.sin(angle)
                 side = 0.5 * math.sqrt(3.0) * (u * math.sin(angle) + u_q * math.cos(angle))
                 v[0], v[1] = alpha + 0.5 * supply, side - 0.5 * alpha + 0.5 * supply
@@ -395,7 +396,7 @@ def _pmsm(
         asked = inertial * slower * error + sums[2] + pulses[1, k]
         asked = float(np.clip(asked, -sheet.current, sheet.current))
         e_d, e_q = pulses[0, k] - i_d, asked - i_q
-        speed_e = m.pole_pairs * speed
+        speed_e = m.pole_pairs * speed if hidden.delay == 0.0 else 0.0  # late, it would swing
         u_d = bandwidth * m.L_d * e_d + sums[0] - speed_e * m.L_q * i_q
         u_q = bandwidth * m.L_q * e_q + sums[1] + speed_e * m.L_d * i_d + m.k_e * speed
         sums[:2] += bandwidth * m.R * DT * np.array([e_d, e_q])

@@ -30,6 +30,9 @@ ROWS = 4000
 BEST = 2
 """Points of a grid from which fits begin, at most."""
 
+RUNAWAY = 1e50
+"""Outputs that no motor has, in any unit."""
+
 
 def starts_on_grid(variant: Variant, base: Model, bench: Bench) -> list[Values]:
     """Return values of an effect, and of what it shrinks, with which it does better than without.
@@ -53,6 +56,10 @@ def starts_on_grid(variant: Variant, base: Model, bench: Bench) -> list[Values]:
     near = problem.linearize(problem.vector())
     weighting = white([problem.settled(one, white([one.residual])) for one in near])
     runs = _runs(Program.of(variant.model, bench.outputs), problem, variant, points)
+    sound = [k for k in range(len(points)) if all(_stays(run[:, :, k]) for run in runs)]
+    if not sound or not all(_stays(one.slope) for one in near):
+        return []
+    points, runs = [points[k] for k in sound], [run[:, :, sound] for run in runs]
     columns = [
         np.concatenate(
             (one.residual[:, :, np.newaxis], one.slope, s.judged[:, :, np.newaxis] - outputs), 2
@@ -60,11 +67,15 @@ def starts_on_grid(variant: Variant, base: Model, bench: Bench) -> list[Values]:
         for one, s, outputs in zip(near, problem.stretches, runs, strict=True)
     ]
     own = 1 + problem.dimension
-    with np.errstate(over='ignore', invalid='ignore'):  # a point may be no motor, or run away
-        gram = weighting.gram(columns, [one.start for one in near])
-        left = np.diag(Base.of(gram, np.arange(1, own)).without(gram))
+    gram = weighting.gram(columns, [one.start for one in near])
+    left = np.diag(Base.of(gram, np.arange(1, own)).without(gram))
     better = [k for k in np.argsort(left[own:]) if left[own + k] < left[0]]
     return [points[k] for k in better[:BEST]]
+
+
+def _stays(values: Array) -> bool:
+    """Whether values stay within bounds: a point may be no motor, or run away."""
+    return bool(np.all(np.abs(values) < RUNAWAY))
 
 
 def _points(variant: Variant, base: Model, scales: Scales) -> list[Values]:
