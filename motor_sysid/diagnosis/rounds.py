@@ -6,7 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
-from motor_sysid.diagnosis.gate import ALIKE, MIN_FURTHER_GAIN_PERCENT, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.gate import (
+    ALIKE,
+    MIN_FURTHER_GAIN_PERCENT,
+    NO_EVIDENCE,
+    UNCERTAIN,
+    UNPHYSICAL,
+)
 from motor_sysid.diagnosis.proposals import proposals
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
@@ -46,6 +52,10 @@ SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
 this much behind it, or if it is a wider or a narrower form of the winner: it is no rival."""
 
+
+OUTSHINES = 20.0
+"""Fall of the held-out error, in percent, with which what has no evidence outshines what has some
+and lowers that error by less than `MIN_FURTHER_GAIN_PERCENT`."""
 
 WORTH_IT = 0.2 * MIN_FURTHER_GAIN_PERCENT
 """Fall of the held-out error after a rough fit, in percent, from which on a further effect is
@@ -132,7 +142,7 @@ def refitted(
         trials = list(pool.map(roughly, chosen))
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
-        if not any(trial.passes for trial in trials) and is_lost(rung, bench, base):
+        if not helps(trials) and is_lost(rung, bench, base):
             further = passed_over(scores, {trial.key for trial in trials})
             further = further if base is None else further[:limit]
             tell(f'nothing helps, and much is left: trying {len(further)} effects more')
@@ -153,6 +163,17 @@ def refitted(
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials
+
+
+def helps(trials: Sequence[Trial]) -> bool:
+    """Whether something passes that is not outshone by what does not.
+
+    Where base parameters are far astray, the noise model takes what is missing for noise: the truth
+    may halve the held-out error and have no evidence, while a trifle has some.
+    """
+    gain = max((t.gain_percent for t in trials if t.passes), default=-np.inf)
+    most = max((t.gain_percent for t in trials if t.note == NO_EVIDENCE), default=-np.inf)
+    return gain > MIN_FURTHER_GAIN_PERCENT or (np.isfinite(gain) and most < OUTSHINES)
 
 
 def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weighting) -> Rung:

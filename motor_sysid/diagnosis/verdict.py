@@ -239,7 +239,8 @@ def verdict_of(
         return Verdict.INSUFFICIENT_DATA
     if len(ladder) == 1:
         return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
-    larger = left.predictable > FAINT and left.predictable * after > before - after
+    missing = min(left.predictable * after, left.beyond_percent**2)
+    larger = left.predictable > FAINT and missing > before - after
     doubted = (doubted or larger) and explained < NEARLY_ALL
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
     doubted = doubted or max(accounted, surely) < NEARLY_ALL

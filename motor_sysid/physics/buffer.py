@@ -2,13 +2,14 @@
 
 from numba import njit
 
-from motor_sysid.physics.effect import ARGUMENTS
+from motor_sysid.physics.effect import ARGUMENTS, FORCES
 from motor_sysid.physics.native import call_lane, LANES
 from motor_sysid.physics.track import row_in
 
 TURN = ARGUMENTS.index('turn') * LANES
 BEFORE = ARGUMENTS.index('theta_before') * LANES
 STEP = ARGUMENTS.index('step') * LANES
+SLOPE, VOLTAGE = ARGUMENTS.index('slope') * LANES, len(ARGUMENTS) + FORCES.index('voltage')
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -119,8 +120,20 @@ def begin_step(  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def add_jumps(wide, p, base, x, calls, states, rows):  # type: ignore[no-untyped-def]
-    """Add to states (n, W), which are loaded, what moves them at once."""
+def add_jumps(  # type: ignore[no-untyped-def]
+    wide, p, base, x, calls, states, rows, laws, count, force_rows, secant
+):
+    """Add to states (n, W), which are loaded, what moves them at once.
+
+    The first `count` of the `laws` tell what they add to each equation just now; their slopes by
+    their own states are `secant` (m, W).
+    """
+    clear(wide, p, force_rows)
+    call_all(wide, base, laws, 0, count)
+    for j in range(force_rows.shape[0]):
+        if force_rows[j] == VOLTAGE:
+            for k in range(wide):
+                p[SLOPE + k] = secant[j, k]
     clear(wide, p, rows)
     call_all(wide, base, calls, 0, calls.shape[0])
     for i in range(states.shape[0]):

@@ -7,7 +7,8 @@ argument names say what it needs, and nothing else has to be declared:
   ``t`` is the time since the start of the record, ``turn`` the angle in rad that the shaft turns
   in one step (see `motor_sysid.physics.laws.step_share`),
 * of a law that moves a state at once, the angle ``theta_before`` at the beginning of the step that
-  ends now, and the length of that ``step`` in s,
+  ends now, the length of that ``step`` in s, the ``voltage`` that all laws together add now, and
+  its ``slope`` by the current,
 * the rate of change of the equation that the law is added to: ``domega`` for a torque, ``di`` for
   a voltage; the law must be proportional to it,
 * parameters of the motor: ``R, L, k_t, J, b, ...``, and the widths ``omega_eps, i_eps``,
@@ -39,6 +40,7 @@ from motor_sysid.errors import UserError
 ARGUMENTS = (
     'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
     'u_b', 'u_c', 'di', 'domega', 'turn', 'di_d', 'di_q', 'di_a', 'di_b', 'theta_before', 'step',
+    'slope',
 )  # fmt: skip
 """Every state, input and rate of change that a law may ask for, in the order of the kernel's
 rows."""

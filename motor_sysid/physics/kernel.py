@@ -307,7 +307,10 @@ def run_block(  # type: ignore[no-untyped-def]
                 load_state(
                     wide, p, x, state_rows, position_row, speed_row, follows, there, h
                 )
-                add_jumps(wide, p, base, x, jump_calls, jump_state, jump_rows)
+                add_jumps(
+                    wide, p, base, x, jump_calls, jump_state, jump_rows, lane_calls, n_lanes,
+                    force_rows, secant,
+                )  # fmt: skip
             part += 1
             if part == whole_sample and fine > 0 and np.any(turned[:wide] > 0.0):
                 for j in range(n):

@@ -158,6 +158,8 @@ def _read(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:
         return f'p[state + {effect.card.states.index(name) * LANES} + k]'
     if name in ROW_OF_ARGUMENT:
         return f'p[{ROW_OF_ARGUMENT[name] * LANES} + k]'
+    if name in ROW_OF_FORCE:
+        return f'p[{ROW_OF_FORCE[name] * LANES} + k]'
     if name in motor_parameters:
         row = FIRST_PARAMETER_ROW + motor_parameters.index(name)
         return f'p[{row * LANES} + k]'

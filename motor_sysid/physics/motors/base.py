@@ -197,7 +197,7 @@ class Motor:
         """Return everything that a law may ask this motor for."""
         rates = {f'd{force.own_state}' for force in self.forces}
         own = {*self.states, *self.arguments, *(p.name for p in self.parameters)}
-        return own | rates | {'t', 'turn', 'theta_before', 'step'}
+        return own | rates | {'t', 'turn', 'theta_before', 'step', 'slope', 'voltage'}
 
     def taking(self, one: Effect) -> Effect:
         """Return an effect with those of its laws that this motor takes."""

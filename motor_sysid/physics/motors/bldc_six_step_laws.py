@@ -72,40 +72,42 @@ def current_sensor(
 
 @law_function
 def settled(x: float) -> float:
-    """Return ``1 - exp(-x)`` for x from 0 to 2, to 0.008."""
-    return x / (1.0 + 0.5 * x + x * x / 12.0)
+    """Return ``1 - exp(-x)`` for x from 0 on, to 0.012."""
+    return 1.0 - 1.0 / (1.0 + x * (1.0 + x * (1.0 / 2.0 + x * (1.0 / 6.0 + x / 24.0))))
 
 
 def jump_i(
-    i: float, omega: float, theta: float, theta_before: float, step: float, u: float, R: float,
-    L: float, k_t: float, emf_ratio: float, pole_pairs: float, angle_offset: float,
+    i: float, omega: float, theta: float, theta_before: float, step: float, u: float,
+    voltage: float, slope: float, R: float, L: float, k_t: float, emf_ratio: float,
+    pole_pairs: float, angle_offset: float,
 ) -> float:  # fmt: skip
     """Change of the current in A, as it is at the end of the step in which it happened."""
     before = sectors(theta_before, pole_pairs, angle_offset)
     now = sectors(theta, pole_pairs, angle_offset)
-    since = settled(step * share_since(before, now) * R / L)
-    left = 0.5 ** crossed(before, now)
-    return (left - 1.0) * i + 0.5 * since * (u - k_t * emf_ratio * omega) / R
+    resistance = R - slope
+    since = settled(step * share_since(before, now) * resistance / L)
+    end = (u + voltage - slope * i - k_t * emf_ratio * omega) / resistance
+    return (0.5 ** crossed(before, now) - 1.0) * i + 0.5 * since * end
 
 
 def jump_omega(
-    i: float, omega: float, theta: float, theta_before: float, step: float, u: float, R: float,
-    L: float, k_t: float, emf_ratio: float, J: float, pole_pairs: float, angle_offset: float,
-    v_free: float,
+    i: float, omega: float, theta: float, theta_before: float, step: float, u: float,
+    voltage: float, slope: float, R: float, L: float, k_t: float, emf_ratio: float, J: float,
+    pole_pairs: float, angle_offset: float, v_free: float,
 ) -> float:  # fmt: skip
     """Change of the speed in rad/s: for less current since, and for the phase that was left."""
     before = sectors(theta_before, pole_pairs, angle_offset)
     now = sectors(theta, pole_pairs, angle_offset)
-    happens = np.minimum(crossed(before, now), 1.0)
-    since = settled(step * share_since(before, now) * R / L)
+    resistance = R - slope
+    since = settled(step * share_since(before, now) * resistance / L)
     induced = k_t * emf_ratio * omega
-    end = (u - induced) / R
-    then = end + (i - end) / (1.0 - since)
+    end = (u + voltage - slope * i - induced) / resistance
+    then = end + (i - end) / np.maximum(1.0 - since, 0.1)
     against = np.maximum(v_free + np.sign(then) * induced, 0.2 * v_free)
     size = np.abs(then)
     slower = 1.0 + R * size / against
     time = 1.5 * L * size / (against + 0.75 * R * size)
     fading = np.maximum(1.0 - 2.0 / PI * pole_pairs * np.abs(omega) * time, 0.0)
     freeing = 0.375 * L * then * size / (against * slower) * fading
-    less = 0.5 * then * since * L / R
-    return happens * k_t / J * (freeing - less)  # type: ignore[no-any-return]
+    less = 0.5 * then * since * L / resistance
+    return np.minimum(crossed(before, now), 1.0) * k_t / J * (freeing - less)  # type: ignore[no-any-return]
