@@ -48,6 +48,11 @@ class Regressors:
     outputs:
         Measured signals.
 
+    Raises
+    ------
+    UserError
+        If something moves the motor's states at once.
+
     Attributes
     ----------
     measured:
@@ -60,6 +65,12 @@ class Regressors:
 
     def __init__(self, model: Model, outputs: Sequence[str]) -> None:
         kind = model.kind
+        if kind.jumps:
+            raise UserError(
+                f'regressions do not know what happens at once in a {kind.title}: R and L would '
+                'come out wrong; use `ekf`, `ukf`, `dual_ekf` or `mhe`, or in batch '
+                '`least_squares`'
+            )
         states = kind.states
         self._title, self._inputs, self._states = kind.title, kind.arguments, states
         shown = {o.state: outputs.index(o.signal) for o in kind.outputs if o.signal in outputs}

@@ -50,7 +50,7 @@ class Unscented:
         points = self._points.sigma_points(x[:m], cov[:m, :m])
         after, by_force = motion.scatter(points[:, :n], points[:, n:], u, time, h)
         up, down = after[1 : m + 1], after[m + 1 :]
-        root = (points[1 : m + 1] - x[:m]) / _REACH
+        root = _root_upper(cov[:m, :m])  # not from the points: a small step is lost beside x
         slope = solve_triangular(root, (up - down) / (2 * _REACH), check_finite=False).T
         bend = (0.5 * (up + down) - after[0]) / _REACH
         state = self._points.Wm @ after

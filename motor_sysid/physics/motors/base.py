@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.physics.effect import arguments, Effect, Law
+from motor_sysid.physics.effect import arguments, Effect, JUMPS, Law
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Record
 
@@ -226,6 +226,11 @@ class Motor:
         own = self.own.laws if self.own else {}
         laws = [law for name, law in own.items() if not name.endswith('_sensor')]
         return any('theta' in arguments(law) for law in laws)
+
+    @property
+    def jumps(self) -> bool:
+        """Whether something moves its states at once, so that its balances do not always hold."""
+        return any(name in JUMPS for name in (self.own.laws if self.own else ()))
 
     @property
     def currents(self) -> tuple[str, ...]:
