@@ -63,7 +63,7 @@ SAID = (
 @pytest.mark.parametrize(('hidden', 'withheld', 'verdict', 'named', 'rivals', 'expected'), SAID)
 def test_outcomes(hidden, withheld, verdict, named, rivals, expected):
     case = _case(hidden, withheld)
-    assert outcome(case, verdict, named, rivals) is expected
+    assert outcome(case.scenario, verdict, named, rivals) is expected
 
 
 _DRAWN = {}

@@ -12,6 +12,8 @@ from motor_sysid.benchmark.peers import PEERS
 from motor_sysid.benchmark.reference import with_reference
 from motor_sysid.benchmark.scenarios import case_name, named_case, Scenario, schedule
 from motor_sysid.benchmark.store import ResultsFile
+from motor_sysid.benchmark.three_phase_cases import schedule as three_phase_schedule
+from motor_sysid.benchmark.three_phase_judge import described, is_three_phase, one_case
 from motor_sysid.diagnosis.diagnose import diagnose
 from motor_sysid.diagnosis.result import Diagnosis
 from motor_sysid.physics.effects import catalogue
@@ -37,6 +39,7 @@ def run(
     *,
     seed: int = 0,
     peers: tuple[str, ...] = (),
+    three_phase: bool = False,
     processes: int = 1,
     limit: float = TIME_LIMIT,
     progress: Progress | None = None,
@@ -53,12 +56,16 @@ def run(
         Seed of all cases.
     peers:
         Names of `peers.PEERS` to compare with.
+    three_phase:
+        Whether the cases are three-phase motors (`three_phase_cases.schedule`); without peers.
     processes, limit:
         Worker processes, and longest time for a case, s; the results do not depend on the first.
     progress:
         Told each new result, how many are done, and how many there are.
     """
     names = [case_name(*one) for one in schedule(count)]
+    if three_phase:
+        names = three_phase_schedule(count)
     tasks = [Task(name, seed, peers) for name in names if name not in file.results]
     done = len(names) - len(tasks)
     for task, answer in workers.each(
@@ -74,6 +81,8 @@ def run(
 
 def one(task: Task) -> Result:
     """Draw, diagnose and judge one case; a diagnosis that raises is a result, too."""
+    if is_three_phase(task.case):
+        return one_case(task.case, task.seed)
     scenario, number = named_case(task.case)
     case = draw(scenario, task.seed, number)
     begun = time.perf_counter()
@@ -130,6 +139,8 @@ def _asked(peers: tuple[str, ...], case: Case) -> Mapping[str, Named]:
 
 def _lost(task: Task, answer: workers.Lost) -> Result:
     """Return the result of a case whose worker gave none."""
+    if is_three_phase(task.case):
+        return replace(described(task.case), seconds=answer.seconds, error=answer.reason)
     scenario, _ = named_case(task.case)
     known = not scenario.withheld and all(key in catalogue() for key in scenario.effects)
     return Result(

@@ -8,7 +8,7 @@ from motor_sysid.benchmark.answers import true_base_values, true_effect_values
 from motor_sysid.benchmark.cases import Case
 from motor_sysid.benchmark.equivalences import same_as, special_cases
 from motor_sysid.benchmark.outcome import Outcome, Result
-from motor_sysid.benchmark.scenarios import case_name
+from motor_sysid.benchmark.scenarios import case_name, Scenario
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
@@ -22,7 +22,7 @@ def drawn(case: Case) -> Result:
         category=scenario.category.value,
         effects=scenario.effects,
         size=scenario.size,
-        known=known(case),
+        known=known(case.scenario),
         motor=s.sheet.name,
         profiles=s.profiles,
         closed=s.closed,
@@ -32,9 +32,9 @@ def drawn(case: Case) -> Result:
     )
 
 
-def known(case: Case) -> bool:
+def known(scenario: Scenario) -> bool:
     """Whether the catalogue that the diagnosis was given holds all that is hidden."""
-    return not case.scenario.withheld and all(k in catalogue() for k in case.scenario.effects)
+    return not scenario.withheld and all(k in catalogue() for k in scenario.effects)
 
 
 def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
@@ -44,7 +44,7 @@ def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
     rivals = {r for step in diagnosis.steps for c in step.candidates for r in c.confusable_with}
     return replace(
         drawn(case),
-        outcome=outcome(case, diagnosis.verdict, diagnosis.effects, rivals),
+        outcome=outcome(case.scenario, diagnosis.verdict, diagnosis.effects, rivals),
         verdict=diagnosis.verdict.value,
         named=diagnosis.effects,
         first=candidates[0].effect if candidates else '',
@@ -61,10 +61,10 @@ def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
 
 
 def outcome(
-    case: Case, verdict: Verdict, effects: tuple[str, ...], rivals: set[str]
+    scenario: Scenario, verdict: Verdict, effects: tuple[str, ...], rivals: set[str]
 ) -> Outcome:
     """Return what became of a case."""
-    truth, named = frozenset(case.scenario.effects), frozenset(effects)
+    truth, named = frozenset(scenario.effects), frozenset(effects)
     same = same_as(truth)
     if verdict is Verdict.INSUFFICIENT_DATA:
         return Outcome.INSUFFICIENT
@@ -73,7 +73,7 @@ def outcome(
     if not truth:
         return Outcome.FALSE_ALARM
     if verdict is Verdict.UNKNOWN_EFFECT:
-        return Outcome.UNKNOWN if known(case) else Outcome.RIGHT
+        return Outcome.UNKNOWN if known(scenario) else Outcome.RIGHT
     if verdict is Verdict.AMBIGUOUS and any(one and one <= named | rivals for one in same):
         return Outcome.AMBIGUOUS
     if named in same:

@@ -11,7 +11,8 @@ Two kinds, as users record them at 1 kHz:
 The machine is that of `three_phase`: phases, set-valued legs, steps of 20 us.
 """
 
-from collections.abc import Callable, Iterator
+from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 import math
 from typing import NamedTuple
@@ -20,7 +21,7 @@ from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.benchmark.excitation import PROFILES
+from motor_sysid.benchmark.excitation import Profile, PROFILES
 from motor_sysid.benchmark.machine import BLDC_SHEETS, Machine, MachineSheet, PMSM_SHEETS
 from motor_sysid.benchmark.three_phase import OMEGA, span, STATES, THETA
 from motor_sysid.control.six_step import FORWARD
@@ -31,8 +32,8 @@ from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
 
-DT, SECONDS, STEPS = 1e-3, 10.0, 50
-"""Sample time and length of a record, s, and steps of the simulation in a sample."""
+DT, STEPS, SIZES = 1e-3, 50, (0.03, 0.1)
+"""Sample time, s, steps of the simulation in it, and sizes of what is hidden, as fractions."""
 
 _DRIVEN, _DIODE, _SHORTEST = FORWARD, 0.7, 1e-8
 """Phases that drive, by sector; the voltage of a diode, V; and the shortest step, s."""
@@ -105,7 +106,7 @@ def _cogging(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) 
 
 def _step(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
     torque = size * rated_torque(s) * rng.choice([-1.0, 1.0])
-    return _on(h, step_torque=torque, step_time=rng.uniform(0.3, 0.7) * SECONDS)
+    return _on(h, step_torque=torque, step_time=rng.uniform(3.0, 7.0))
 
 
 def _soft(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
@@ -153,23 +154,33 @@ class ThreePhaseCase:
 
     Attributes
     ----------
-    kind, effect, size:
-        Of `KINDS`; key of what is hidden, or empty; and how large it is.
-    hidden:
-        The true machine.
+    name, kind, effect, size:
+        Its name; of `KINDS`; key of what is hidden, or empty; and how large it is.
+    sheet, hidden:
+        Data sheet and true machine.
+    profiles, closed:
+        Excitation of each record, and whether a speed loop follows it.
     train, valid:
         Records.
-    nominal:
-        What the data sheet says, for the model's kind.
     """
 
+    name: str
     kind: str
     effect: str
     size: float
+    sheet: MachineSheet
     hidden: Hidden
+    profiles: tuple[str, ...]
+    closed: tuple[bool, ...]
     train: tuple[Record, ...]
     valid: tuple[Record, ...]
-    nominal: dict[str, float]
+
+    @property
+    def nominal(self) -> dict[str, float]:
+        """What the data sheet says that no record tells, for the model's kind."""
+        m = self.sheet.machine
+        known = {'pole_pairs': m.pole_pairs, 'rated_torque': rated_torque(self.sheet)}
+        return known | ({'v_free': self.sheet.supply} if m.corner else {})
 
     @property
     def motor(self) -> str:
@@ -177,52 +188,64 @@ class ThreePhaseCase:
         return KINDS[self.kind][0]
 
 
-def names(sizes: tuple[float, ...] = (0.03, 0.1)) -> Iterator[str]:
-    """Yield the names of all cases but for their numbers; as many complete ones as others."""
-    for kind in KINDS:
-        for key in HIDE:
-            for size in sizes:
-                if (kind, key) not in FOREIGN:
-                    yield f'{kind}/{key}/{100 * size:g}'
-                    yield f'{kind}/complete'
+def schedule(count: int) -> list[str]:
+    """Return the names of `count` cases: of both kinds in turn, a third of them complete."""
+    singles = {
+        kind: [(key, size) for size in SIZES for key in HIDE if (kind, key) not in FOREIGN]
+        for kind in KINDS
+    }
+    found: list[str] = []
+    taken: Counter[str] = Counter()
+    for k in range(count):
+        kind = list(KINDS)[k % 2]
+        place = k // 2
+        if place % 3 == 0:
+            name = f'{kind}/complete'
+        else:
+            key, size = singles[kind][(place - place // 3 - 1) % len(singles[kind])]
+            name = f'{kind}/{key}/{100 * size:g}'
+        found.append(f'{name}/{taken[name]}')
+        taken[name] += 1
+    return found
 
 
-def draw(name: str, seed: int, number: int = 0) -> ThreePhaseCase:
-    """Draw a case, ``six_step/coulomb_friction/3`` or ``pmsm/complete``; always the same.
+def draw(name: str, seed: int, seconds: float = 10.0) -> ThreePhaseCase:
+    """Draw a case, ``six_step/coulomb_friction/3/0`` or ``pmsm/complete/1``; always the same.
 
     Raises
     ------
     UserError
         If there is no such case.
     """
-    kind, _, rest = name.partition('/')
-    effect, _, percent = rest.partition('/')
-    if kind not in KINDS or (effect != 'complete' and effect not in HIDE):
-        raise UserError(f'no case `{name}`; names are {", ".join(names())}')
-    rng = np.random.default_rng([seed, number, *name.encode()])
+    kind, *middle, number = name.split('/')
+    effect, percent, *_ = [*middle, '', '']
+    hides = effect in HIDE and (kind, effect) not in FOREIGN and percent.isdigit()
+    sound = kind in KINDS and number.isdigit() and (effect == 'complete' or hides)
+    if not sound:
+        raise UserError(
+            f'no case `{name}`; names look like `six_step/coulomb_friction/3/0` or '
+            '`pmsm/complete/1`'
+        )
+    rng = np.random.default_rng([seed, int(number), *'/'.join((kind, *middle)).encode()])
     sheets = KINDS[kind][1]
     sheet = sheets[rng.integers(len(sheets))]
-    hidden = Hidden(_machine(sheet, rng))
-    size = float(percent) / 100 if percent else 0.0
+    hidden, size = Hidden(_machine(sheet, rng)), 0.0
     if effect != 'complete':
+        size = float(percent) / 100
         hidden = HIDE[effect](hidden, size, sheet, rng)
     run = _six_step if kind == 'six_step' else _pmsm
-    profiles = [str(p) for p in rng.permutation(list(PROFILES))[:3]]
-    closed = rng.random(3) < 0.5
+    profiles = tuple(str(p) for p in rng.permutation(list(PROFILES))[:3])
+    closed = tuple(bool(c) for c in rng.random(3) < 0.5)
     sensors = _sensors(sheet, rng)
+    time = DT * np.arange(round(seconds / DT), dtype=np.float64)
     records = tuple(
-        run(hidden, sheet, sensors, PROFILES[p], bool(c), rng)
+        run(_Rig(hidden, sheet, sensors, rng), time, PROFILES[p], c, rng)
         for p, c in zip(profiles, closed, strict=True)
     )
     return ThreePhaseCase(
-        kind, '' if effect == 'complete' else effect, size, hidden, records[:2], records[2:],
-        _nominal(sheet),
+        name, kind, '' if effect == 'complete' else effect, size, sheet, hidden, profiles, closed,
+        records[:2], records[2:],
     )  # fmt: skip
-
-
-def _nominal(sheet: MachineSheet) -> dict[str, float]:
-    known = {'pole_pairs': sheet.machine.pole_pairs, 'rated_torque': rated_torque(sheet)}
-    return known | ({'v_free': sheet.supply} if sheet.machine.corner else {})
 
 
 def _machine(sheet: MachineSheet, rng: np.random.Generator) -> Machine:
@@ -237,9 +260,9 @@ def _machine(sheet: MachineSheet, rng: np.random.Generator) -> Machine:
 
 
 class Sensors(NamedTuple):
-    """Angle of an encoder's count, rad; noise, step and offsets (3,) of the currents, A."""
+    """Angle of an encoder's step, rad; noise, step and offsets (3,) of the currents, A."""
 
-    count: float
+    angle: float
     noise: float
     step: float
     offsets: Array
@@ -274,7 +297,7 @@ class _Rig:
 
     def angle(self) -> float:
         """Return the angle as the encoder shows it, rad."""
-        return self.sensors.count * math.floor(float(self.x[THETA]) / self.sensors.count)
+        return self.sensors.angle * math.floor(float(self.x[THETA]) / self.sensors.angle)
 
     def advance(self, first: float, second: float = 0.0) -> None:
         """Run one sample under the commanded voltage: across the pair, or on both axes."""
@@ -330,12 +353,10 @@ def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no
 
 
 def _six_step(
-    hidden: Hidden, sheet: MachineSheet, sensors: Sensors, profile: Callable[..., Array],
-    closed: bool, rng: np.random.Generator,
-) -> Record:  # fmt: skip
+    rig: _Rig, time: Array, profile: Profile, closed: bool, rng: np.random.Generator
+) -> Record:
     """Return a record of a six-step drive: voltage as the profile says, or a PI speed loop."""
-    rig, m = _Rig(hidden, sheet, sensors, rng), hidden.machine
-    time = DT * np.arange(round(SECONDS / DT))
+    m, sheet = rig.hidden.machine, rig.sheet
     slow = m.J * 2 * m.R / (2 * m.k_e) ** 2
     shape, level = profile(time, slow, rng), float(rng.uniform(0.25, 0.6))
     bearable = min(sheet.supply, _BEARABLE * sheet.current * 2 * m.R / 0.6)
@@ -367,12 +388,10 @@ def _six_step(
 
 
 def _pmsm(
-    hidden: Hidden, sheet: MachineSheet, sensors: Sensors, profile: Callable[..., Array],
-    closed: bool, rng: np.random.Generator,
-) -> Record:  # fmt: skip
+    rig: _Rig, time: Array, profile: Profile, closed: bool, rng: np.random.Generator
+) -> Record:
     """Return a record under field-oriented control: speed, or without a speed loop torque."""
-    rig, m = _Rig(hidden, sheet, sensors, rng), hidden.machine
-    time = DT * np.arange(round(SECONDS / DT))
+    m, sheet, hidden = rig.hidden.machine, rig.sheet, rig.hidden
     bandwidth = 0.25 / (DT + 2 * hidden.delay)
     inertial = m.J / (1.5 * m.k_e)
     shape, top = profile(time, 20.0 / bandwidth, rng), 0.4 * sheet.top_speed
@@ -388,7 +407,9 @@ def _pmsm(
         seen, angle = rig.currents(), rig.angle()
         speed, before = (angle - before) / DT, angle
         turned = m.pole_pairs * angle
-        i_d, i_q = park(*seen.tolist(), math.cos(turned), math.sin(turned))
+        i_d, i_q = park(
+            float(seen[0]), float(seen[1]), float(seen[2]), math.cos(turned), math.sin(turned)
+        )
         slower = bandwidth / (8.0 if closed else 30.0)
         error = want[k] - speed
         sums[2] = float(np.clip(sums[2] + 0.2 * slower * DT * error * inertial * slower,

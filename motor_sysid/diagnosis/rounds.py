@@ -168,8 +168,8 @@ def refitted(
 def helps(trials: Sequence[Trial]) -> bool:
     """Whether something passes that is not outshone by what does not.
 
-    Where base parameters are far astray, the noise model takes what is missing for noise: the truth
-    may halve the held-out error and have no evidence, while a trifle has some.
+    Where base parameters are far astray, the noise model takes what is missing for noise: the
+    truth may halve the held-out error and have no evidence, while a trifle has some.
     """
     gain = max((t.gain_percent for t in trials if t.passes), default=-np.inf)
     most = max((t.gain_percent for t in trials if t.note == NO_EVIDENCE), default=-np.inf)

@@ -47,7 +47,8 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
         drive = windows(record['voltage'], length)[0] * dt
         charge, rise = windows(current, length)
         angle = windows(measured_speed(record), length)[0] * dt
-        place = bldc_six_step_laws.sectors(record['position'], pairs, offset)  # type: ignore[arg-type]
+        at = record['position']
+        place: Array = bldc_six_step_laws.sectors(at, pairs, offset)  # type: ignore[arg-type, assignment]
         steps = np.abs(np.diff(np.floor(place), prepend=np.floor(place[0])))
         # a sample behind an edge shows what is left: as much as was lost
         lost = windows(steps * current, length)[0]

@@ -87,7 +87,7 @@ def jump_i(
     resistance = R - slope
     since = settled(step * share_since(before, now) * resistance / L)
     end = (u + voltage - slope * i - k_t * emf_ratio * omega) / resistance
-    return (0.5 ** crossed(before, now) - 1.0) * i + 0.5 * since * end
+    return (0.5 ** crossed(before, now) - 1.0) * i + 0.5 * since * end  # type: ignore[no-any-return]
 
 
 def jump_omega(
