@@ -18,6 +18,7 @@ CASES = {
     'motor_c': ('input_delay', Verdict.EFFECT_MISSING),
     'motor_d': ('coulomb_friction', Verdict.EFFECT_MISSING),
     'motor_e': (None, Verdict.COMPLETE),
+    'motor_f': ('coulomb_friction', Verdict.EFFECT_MISSING),
     'motor_g': ('flexible_shaft', Verdict.EFFECT_MISSING),
     'motor_h': ('cogging_torque', Verdict.EFFECT_MISSING),
 }
