@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from motor_sysid.benchmark import three_phase_cases
-from motor_sysid.benchmark.three_phase_cases import draw, schedule, Sensors, ThreePhaseCase
+from motor_sysid.benchmark.three_phase_cases import draw, schedule, ThreePhaseCase
 from motor_sysid.benchmark.three_phase_judge import described, is_three_phase
+from motor_sysid.benchmark.three_phase_rig import Sensors
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.setup import choose_kind, prepared_parts, told_kind
 from motor_sysid.errors import UserError

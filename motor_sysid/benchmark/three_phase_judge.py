@@ -6,7 +6,8 @@ import time
 from motor_sysid.benchmark.judge import outcome
 from motor_sysid.benchmark.outcome import Result
 from motor_sysid.benchmark.scenarios import Category, Scenario
-from motor_sysid.benchmark.three_phase_cases import draw, DT, KINDS, ThreePhaseCase
+from motor_sysid.benchmark.three_phase_cases import draw, KINDS, ThreePhaseCase
+from motor_sysid.benchmark.three_phase_rig import DT
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result import Diagnosis

@@ -149,13 +149,7 @@ def refitted(
             trials += pool.map(roughly, further)
             chosen += further
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
-        best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
-        if best is not None and best.rung is not rung:
-            others = [t for t in trials if of_a_kind(t, best) and not related(t, best)]
-            mended = dict(zip((t.key for t in others), pool.map(
-                lambda t: try_beside(t, best, level, bench), others
-            ), strict=True))  # fmt: skip
-            trials = [mended.get(t.key, t) for t in trials]
+        trials = _beside_the_best(trials, level, bench, pool)
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
         winner = winner_of(passing) if passing else None
@@ -163,6 +157,19 @@ def refitted(
         trials = list(pool.map(finally_, trials))
     trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
     return trials
+
+
+def _beside_the_best(
+    trials: Sequence[Trial], level: Level, bench: Bench, pool: ThreadPoolExecutor
+) -> list[Trial]:
+    """Return the trials, those of the kind of the best one begun again where that ended."""
+    best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
+    if best is None or best.rung is level.rung:
+        return list(trials)
+    others = [t for t in trials if of_a_kind(t, best) and not related(t, best)]
+    again = pool.map(lambda t: try_beside(t, best, level, bench), others)
+    mended = dict(zip((t.key for t in others), again, strict=True))
+    return [mended.get(t.key, t) for t in trials]
 
 
 def helps(trials: Sequence[Trial]) -> bool:
