@@ -194,3 +194,24 @@ def test_the_sum_of_effects_that_the_model_has_is_not_tried():
     assert tried('coulomb_friction')
     assert tried('constant_load_torque')
     assert not tried('coulomb_friction', 'constant_load_torque')
+
+
+@pytest.mark.parametrize(
+    ('passes', 'outshining', 'helped'),
+    [
+        ([], [50.0], False),
+        ([0.4], [], True),
+        ([0.4], [10.0], True),
+        ([0.4], [50.0], False),
+        ([8.0], [50.0], True),
+    ],
+)
+def test_a_trifle_that_passes_is_no_help_where_something_without_evidence_halves_the_error(
+    passes, outshining, helped
+):
+    trials = [SimpleNamespace(passes=True, gain_percent=gain, note='') for gain in passes]
+    trials += [
+        SimpleNamespace(passes=False, gain_percent=gain, note=NO_EVIDENCE) for gain in outshining
+    ]
+    trials.append(SimpleNamespace(passes=False, gain_percent=90.0, note=UNPHYSICAL))
+    assert rounds.helps(trials) is helped

@@ -4,6 +4,7 @@ from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
 import pytest
 
+from motor_sysid.diagnosis import starts
 from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.refit import try_effect
 from motor_sysid.diagnosis.rounds import scored
@@ -88,3 +89,20 @@ def test_the_boxes_of_a_special_case_hold_those_of_the_wider_law():
                 assert wide.scale is narrow.scale
                 assert narrow.lower <= wide.lower
                 assert wide.upper <= narrow.upper
+
+
+@pytest.mark.parametrize(('gone', 'left'), [((), 1), ((0,), 1), (None, 0)])
+def test_a_start_that_runs_away_is_none(monkeypatch, gone, left):
+    bench, level, variants = level_of('flexible_shaft')
+    right = starts._runs
+
+    def runaway(*args):
+        runs = right(*args)
+        for run in runs:
+            run[-1, :, slice(None) if gone is None else list(gone)] = np.nan
+            run[-2, :, slice(None) if gone is None else list(gone)] = 1e200
+        return runs
+
+    monkeypatch.setattr(starts, '_runs', runaway)
+    found = starts_on_grid(variants[0].variant, level.rung.model, bench)
+    assert min(len(found), 1) == left

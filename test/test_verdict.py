@@ -289,6 +289,8 @@ def test_what_leaves_more_than_it_explains_is_not_named():
     assert verdict(rung(4.0), rung(3.8), left=left) is Verdict.UNKNOWN_EFFECT
     assert verdict(rung(4.0), rung(3.4), left=left) is Verdict.EFFECT_MISSING
     assert verdict(rung(1.2), rung(1.15), left=left) is Verdict.COMPLETE, 'a trifle'
+    noise = Remainder({}, FLOOR, 3.8, 1.2, 0.5, beyond_percent=0.5)
+    assert verdict(rung(4.0), rung(3.8), left=noise) is Verdict.EFFECT_MISSING, 'is sensor noise'
     faint = Remainder({}, FLOOR, 4.0, 1.2, 0.01)
     assert verdict(rung(4.0), rung(4.0), left=faint) is Verdict.EFFECT_MISSING
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+import math
 
 import numpy as np
 
@@ -180,7 +181,7 @@ def helps(trials: Sequence[Trial]) -> bool:
     """
     gain = max((t.gain_percent for t in trials if t.passes), default=-np.inf)
     most = max((t.gain_percent for t in trials if t.note == NO_EVIDENCE), default=-np.inf)
-    return gain > MIN_FURTHER_GAIN_PERCENT or (np.isfinite(gain) and most < OUTSHINES)
+    return gain > MIN_FURTHER_GAIN_PERCENT or (math.isfinite(gain) and most < OUTSHINES)
 
 
 def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
