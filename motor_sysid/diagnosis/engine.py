@@ -81,7 +81,13 @@ class Engine:
         ]
 
     def run(self, rung: Rung) -> Diagnosis:
-        """Climb until nothing helps."""
+        """Climb until nothing helps.
+
+        A motor with laws of its own is followed in fine enough steps from the start: what steps do
+        wrong would look like whatever takes finer ones.
+        """
+        if rung.model.kind.own:
+            rung, self.bench = refined(rung, self.bench)
         ladder: list[tuple[Rung, list[Trial]]] = []
         rivals: dict[str, tuple[str, ...]] = {}
         start, reconsidered = rung.model.effects, False
