@@ -248,3 +248,11 @@ def test_what_takes_the_place_of_the_back_emf_is_none():
     known = old.with_estimates({}, {'L': 0.01 * old['L']})
     least = old.parameters['L'].lower
     assert gone(known.with_values({'L': least}), known) == '', 'too small to be seen'
+
+
+@pytest.mark.parametrize(('frequency', 'says'), [(0.05, 'less than once'), (0.2, '')])
+def test_a_periodic_load_comes_back_within_a_record(frequency, says):
+    """The record of `note` lasts 10 s."""
+    model = with_effect('periodic_load', {'a': 1e-3, 'b': 1e-3, 'f': frequency})
+    assert says in note(model, 'periodic_load', gain=20.0, further=False)
+    assert bool(says) == bool(note(model, 'periodic_load', gain=20.0, further=False))

@@ -140,6 +140,12 @@ def _at_limit(model: Model, one: Effect) -> str:
     return ''
 
 
+def _stands_still(model: Model, one: Effect, duration: float) -> bool:
+    """Whether what is to come back at a frequency does not within the `duration` of a record, s."""
+    name = one.card.frequency
+    return bool(name) and model[f'{one.key}.{name}'] * duration < 1.0
+
+
 def gone(new: Model, old: Model) -> str:
     """Return a parameter of the motor that was well known and is now nothing, or nothing.
 
@@ -262,6 +268,8 @@ def gate_note(
     sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= MIN_STEADY
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return UNCERTAIN
+    if _stands_still(new.model, scored.variant.effect, duration):
+        return 'swings less than once within a record'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
     if lost := gone(new.model, old.model):
