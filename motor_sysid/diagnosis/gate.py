@@ -141,7 +141,7 @@ def _at_limit(model: Model, one: Effect) -> str:
 
 
 def _stands_still(model: Model, one: Effect, duration: float) -> bool:
-    """Whether what is to come back at a frequency does not within the `duration` of a record, s."""
+    """Whether what comes back at a frequency does not within the `duration` of a record, s."""
     name = one.card.frequency
     return bool(name) and model[f'{one.key}.{name}'] * duration < 1.0
 
