@@ -63,9 +63,10 @@ def run(
     progress:
         Told each new result, how many are done, and how many there are.
     """
-    names = [case_name(*one) for one in schedule(count)]
-    if three_phase:
-        names = three_phase_schedule(count)
+    names = (
+        three_phase_schedule(count) if three_phase
+        else [case_name(*one) for one in schedule(count)]
+    )  # fmt: skip
     tasks = [Task(name, seed, peers) for name in names if name not in file.results]
     done = len(names) - len(tasks)
     for task, answer in workers.each(

@@ -178,6 +178,8 @@ def schedule(count: int) -> list[str]:
 def draw(name: str, seed: int, seconds: float = 10.0) -> ThreePhaseCase:
     """Draw a case, ``six_step/coulomb_friction/3/0`` or ``pmsm/complete/1``; always the same.
 
+    Each record lasts `seconds`; a step of the load comes after 3 to 7 s, whatever they are.
+
     Raises
     ------
     UserError

@@ -254,8 +254,8 @@ def _steps(
 ) -> int:
     """Return so many integration steps that more of them make a small change of the outputs."""
     steps = bench.substeps
-    exact = model.kind.own is None and all(effect(key).card.linear for key in model.effects)
-    if steps >= most or exact:
+    linear = model.kind.own is None and all(effect(key).card.linear for key in model.effects)
+    if steps >= most or linear:
         return steps
     now = _residuals(model, bench)
     fine = _residuals(model, bench, FINER_BY * steps)

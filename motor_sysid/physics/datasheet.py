@@ -85,6 +85,8 @@ def load_datasheet(path: str | Path) -> Datasheet:
         raise UserError(
             f'data sheet {path}: motor_type `{kind}` is not known; known are {", ".join(motors())}'
         )
+    if _whole(kind) and 'k_e' in nominal:
+        nominal.setdefault('k_t', nominal['k_e'])
     if 'supply_voltage_V' in content:
         nominal['v_free'] = _positive(path, 'supply_voltage_V', content['supply_voltage_V'])
     return Datasheet(kind, nominal)
@@ -92,10 +94,14 @@ def load_datasheet(path: str | Path) -> Datasheet:
 
 def _per_model(name: str, kind: object) -> float:
     """Return by what a value is multiplied for a kind with parameters between terminals or not."""
-    whole = isinstance(kind, str) and kind in motors() and motors()[kind].terminals
     if _BETWEEN_TERMINALS in name:
-        return 1.0 if whole else 0.5
-    return 2.0 if whole and name.startswith(_OF_A_PHASE) else 1.0
+        return 1.0 if _whole(kind) else 0.5
+    return 2.0 if _whole(kind) and name.startswith(_OF_A_PHASE) else 1.0
+
+
+def _whole(kind: object) -> bool:
+    """Whether a kind's parameters, torque constant and back-EMF are those between terminals."""
+    return isinstance(kind, str) and kind in motors() and motors()[kind].terminals
 
 
 def _positive(path: str | Path, name: str, value: object) -> float:

@@ -96,9 +96,9 @@ def pole_pairs_of(records: Sequence[Record]) -> float:
     agreement = [abs(_mean_turn(both, pairs)) for pairs in range(1, _MOST_PAIRS + 1)]
     if not both or max(agreement) < _AGREES:
         raise UserError(
-            'these records do not tell the pole pairs of the motor: that takes Hall sectors and '
-            'positions over some turns; give `pole_pairs` in the data sheet (--nominal) or in the '
-            'model'
+            'these records do not tell the pole pairs of the motor: that takes positions over some '
+            'turns and Hall sectors that are numbered in the order of a forward turn; give '
+            '`pole_pairs` in the data sheet (--nominal) or in the model'
         )
     return 1.0 + int(np.argmax(agreement))
 
@@ -108,11 +108,24 @@ def angle_offset_of(records: Sequence[Record], pole_pairs: float) -> float:
 
     An encoder that counts full steps is half a step behind on average; that is part of it.  The
     offset of records that `within_sectors` has seen to is the one that it was given.
+
+    Raises
+    ------
+    UserError
+        If sectors and positions do not go together.
     """
     both = _moving(records)
-    if not both or abs(_mean_turn(both, pole_pairs)) < _AGREES:
+    if not both:
         return 0.0
-    found = float(np.angle(_mean_turn(both, pole_pairs)))
+    turn = _mean_turn(both, pole_pairs)
+    if abs(turn) < _AGREES:
+        raise UserError(
+            f'`hall_sector` does not go with the position and {pole_pairs:g} pole pairs: they '
+            f'agree to {abs(turn):.2f}, and should to {_AGREES:g} (1 is perfect); number the '
+            'sectors in the order of a forward turn (no Gray code), check the sign of the '
+            'position and `pole_pairs`, or leave `hall_sector` out'
+        )
+    found = float(np.angle(turn))
     begins = np.concatenate([
         (sector_codes(r['hall_sector']) - 0.5) * SECTOR - pole_pairs * r['position'] for r in both
     ]) - found  # fmt: skip

@@ -11,9 +11,9 @@ current between them is half of what it was, whatever the drive, the speed and t
 The phase that was left goes on making torque until it is free; with ``2/3 (v_f/2 + k_t omega/2)``
 across its inductance that is an impulse of ``3/8 k_t L i^2 / (v_f + k_t omega)``.  Both hold where
 a phase is free before the next commutation.
-(Derived from the phase equations of Krishnan, Permanent Magnet Synchronous and Brushless DC Motor
-Drives, 2010, section 11.2; the same in Carlson, Lajoie-Mazenc and Fagundes, IEEE Trans. Ind. Appl.
-28 (1992), Analysis of torque ripple due to phase commutation in brushless DC machines.)
+(Derived here from the phase equations; `test/test_six_step.py` compares with their simulation.
+On the torque while a phase frees itself: Carlson, Lajoie-Mazenc and Fagundes, IEEE Trans. Ind.
+Appl. 28 (1992) 632, Analysis of torque ripple due to phase commutation in brushless DC machines.)
 """
 
 import numpy as np
@@ -26,8 +26,7 @@ CARD = Card(
     equation='i -> i/2 wherever the rotor passes from one sector to the next',
     symptom='The current drops to half six times in an electrical turn, and recovers within the '
     'electrical time constant.',
-    reference='Krishnan, Permanent Magnet Synchronous and Brushless DC Motor Drives, 2010, '
-    'section 11.2',
+    reference='Carlson, Lajoie-Mazenc and Fagundes, IEEE Trans. Ind. Appl. 28 (1992) 632',
     enters=Enters.ELECTRICAL,
     amplitudes=(),
 )
