@@ -96,8 +96,8 @@ def pole_pairs_of(records: Sequence[Record]) -> float:
     agreement = [abs(_mean_turn(both, pairs)) for pairs in range(1, _MOST_PAIRS + 1)]
     if not both or max(agreement) < _AGREES:
         raise UserError(
-            'these records do not tell the pole pairs of the motor: that takes positions over some '
-            'turns and Hall sectors that are numbered in the order of a forward turn; give '
+            'these records do not tell the pole pairs of the motor: that takes positions over '
+            'some turns and Hall sectors that are numbered in the order of a forward turn; give '
             '`pole_pairs` in the data sheet (--nominal) or in the model'
         )
     return 1.0 + int(np.argmax(agreement))
