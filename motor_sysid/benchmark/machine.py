@@ -36,6 +36,14 @@ class Machine(NamedTuple):
         it is gone: ``L (1 + soft 2^-((i / i_soft)^2))`` on either axis.
     heat, t_th:
         Relative rise of resistance per stored loss energy, 1/J, and thermal time constant, s.
+    mu:
+        Dry friction per torque of the currents.
+    swing, swing_rate, swing_angle:
+        Load torque ``swing sin(swing_rate t + swing_angle)``, N m, rad/s, rad.
+    step_inertia:
+        Inertia that joins the rotor at `step_time` at the rotor's speed, kg m^2.
+    J_load, spring, damper:
+        Inertia behind a spring, kg m^2 (0: none), N m/rad, and damper of the shaft, N m s/rad.
     """
 
     R: float
@@ -62,6 +70,14 @@ class Machine(NamedTuple):
     i_soft: float = 1.0
     heat: float = 0.0
     t_th: float = 1.0
+    mu: float = 0.0
+    swing: float = 0.0
+    swing_rate: float = 0.0
+    swing_angle: float = 0.0
+    step_inertia: float = 0.0
+    J_load: float = 0.0
+    spring: float = 0.0
+    damper: float = 0.0
 
 
 class Bridge(NamedTuple):

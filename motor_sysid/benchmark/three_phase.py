@@ -1,12 +1,13 @@
 """A three-phase machine on its bridge, with nothing of `motor_sysid.physics` in it.
 
-State: three phase currents, speed, angle, heat.  Classical Runge-Kutta steps of a few
-microseconds.  The neutral floats.  Each leg is a set-valued law: while current flows into the
-machine its terminal lies at ``low``, while current flows back at ``high``, and without current
-anywhere in between.  A chopping leg has ``v -+ dead`` (dead time), an open one the two rails and
-the diodes; so zero-current clamping and free-wheeling are one and the same thing.  In a step the
-signs are held, the instant at which a current or the speed passes through zero is found, and the
-step is cut there (as Karnopp 1985, doi:10.1115/1.3140698, without his dead zone).
+State: three phase currents, speed, angle, heat, and speed of a load behind a shaft and the
+shaft's twist.  Classical Runge-Kutta steps of a few microseconds.  The neutral floats.  Each leg
+is a set-valued law: while current flows into the machine its terminal lies at ``low``, while
+current flows back at ``high``, and without current anywhere in between.  A chopping leg has
+``v -+ dead`` (dead time), an open one the two rails and the diodes; so zero-current clamping and
+free-wheeling are one and the same thing.  In a step the signs are held, the instant at which a
+current or the speed passes through zero is found, and the step is cut there (as Karnopp 1985,
+doi:10.1115/1.3140698, without his dead zone).
 """
 
 import math
@@ -20,8 +21,8 @@ Array = NDArray[np.float64]
 LONGEST_STEP = 10e-6
 """s."""
 
-OMEGA, THETA, HEAT = 3, 4, 5
-STATES = 6
+OMEGA, THETA, HEAT, OMEGA_L, TWIST = 3, 4, 5, 6, 7
+STATES = 8
 _CUTS = 16
 _ROOT_LN2 = math.sqrt(math.log(2.0))
 
@@ -166,45 +167,68 @@ def _load(machine, x, t):  # type: ignore[no-untyped-def]
     torque = -machine.b * omega - machine.drag * omega * abs(omega) - machine.tau_l
     if machine.cogging != 0.0:
         torque += machine.cogging * math.sin(machine.order * x[THETA] + machine.cogging_angle)
+    if machine.swing != 0.0:
+        torque -= machine.swing * math.sin(machine.swing_rate * t + machine.swing_angle)
     if t >= machine.step_time:
         torque -= machine.step_torque
-    return torque
+    return torque - _wound(machine, x)
 
 
 @njit(cache=True, error_model='numpy')
-def _dry(machine, speed):  # type: ignore[no-untyped-def]
-    """Size of dry friction, N m."""
-    return machine.tau_c + machine.tau_s * math.exp(-((speed / machine.omega_s) ** 2))
+def _wound(machine, x):  # type: ignore[no-untyped-def]
+    """Torque of the shaft on the load behind it, N m."""
+    if machine.J_load == 0.0:
+        return 0.0
+    return machine.spring * x[TWIST] + machine.damper * (x[OMEGA] - x[OMEGA_L])
+
+
+@njit(cache=True, error_model='numpy')
+def _dry(machine, speed, torque):  # type: ignore[no-untyped-def]
+    """Size of dry friction under a torque of the currents, N m."""
+    rise = machine.tau_s * math.exp(-((speed / machine.omega_s) ** 2))
+    return machine.tau_c + rise + machine.mu * abs(torque)
+
+
+@njit(cache=True, error_model='numpy')
+def _sticks(machine):  # type: ignore[no-untyped-def]
+    """Whether there is dry friction."""
+    return machine.tau_c + machine.tau_s + machine.mu > 0.0
 
 
 @njit(cache=True, error_model='numpy')
 def _moving(machine, x, torque, t):  # type: ignore[no-untyped-def]
     """Direction of motion over the next step; 0 where dry friction holds."""
-    if machine.tau_c + machine.tau_s == 0.0:
+    if not _sticks(machine):
         return 1.0
     if x[OMEGA] != 0.0:
         return np.sign(x[OMEGA])
     net = torque + _load(machine, x, t)
-    return np.sign(net) if abs(net) > _dry(machine, 0.0) else 0.0
+    return np.sign(net) if abs(net) > _dry(machine, 0.0, torque) else 0.0
 
 
 @njit(cache=True, error_model='numpy')
 def _rates(machine, x, low, high, flow, way, t, work, out):  # type: ignore[no-untyped-def]
-    """Fill `out` (6,) with the time derivatives; ``work[:3, 1]`` are the terminal voltages."""
+    """Fill `out` (8,) with the time derivatives; ``work[:3, 1]`` are the terminal voltages."""
     form, v = work[0, :3], work[1, :3]
     shapes(machine, x[THETA], form)
     terminals(machine, x, low, high, flow, form, v, out)
-    torque = slopes(machine, x, v, form, out) + _load(machine, x, t)
+    driven = slopes(machine, x, v, form, out)
     for k in range(3):
         if flow[k] == 0.0:
             out[k] = 0.0
     out[OMEGA] = 0.0
     if way != 0.0:
-        out[OMEGA] = (torque - way * _dry(machine, x[OMEGA])) / machine.J
+        inertia = machine.J + (machine.step_inertia if t >= machine.step_time else 0.0)
+        torque = driven + _load(machine, x, t) - way * _dry(machine, x[OMEGA], driven)
+        out[OMEGA] = torque / inertia
     out[THETA] = x[OMEGA] if way != 0.0 else 0.0
     resistance = machine.R * (1.0 + machine.heat * x[HEAT])
     loss = resistance * (x[0] * x[0] + x[1] * x[1] + x[2] * x[2])
     out[HEAT] = loss - x[HEAT] / machine.t_th
+    out[OMEGA_L] = out[TWIST] = 0.0
+    if machine.J_load > 0.0:
+        out[OMEGA_L] = _wound(machine, x) / machine.J_load
+        out[TWIST] = x[OMEGA] - x[OMEGA_L]
 
 
 @njit(cache=True, error_model='numpy')
@@ -229,11 +253,11 @@ def advance(machine, x, low, high, t, h, work):  # type: ignore[no-untyped-def]
     Parameters
     ----------
     x:
-        (6,) state, changed in place.
+        (8,) state, changed in place.
     low, high:
         (3,) terminal voltages with current into the machine and out of it, V.
     work:
-        (6, 6) scratch; ``work[1, :3]`` are the terminal voltages at the end, ``work[1, 3:]`` gets
+        (6, 8) scratch; ``work[1, :3]`` are the terminal voltages at the end, ``work[1, 3:]`` gets
         their mean over the step.
     """
     left = h
@@ -252,7 +276,7 @@ def advance(machine, x, low, high, t, h, work):  # type: ignore[no-untyped-def]
         part, first = 1.0, -1
         for k in range(4):
             sign = way if k == OMEGA else 0.0 if low[k] == high[k] else flow[k]
-            dry = k < OMEGA or machine.tau_c + machine.tau_s > 0.0
+            dry = k < OMEGA or _sticks(machine)
             if dry and new[k] * sign < 0.0 and x[k] * sign > 0.0:
                 share = x[k] / (x[k] - new[k])
                 if share < part:

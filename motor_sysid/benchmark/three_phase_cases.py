@@ -12,14 +12,14 @@ The machine and its drive are simulated in `three_phase_rig`.
 """
 
 from collections import Counter
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 import numpy as np
 
 from motor_sysid.benchmark.excitation import PROFILES
 from motor_sysid.benchmark.machine import BLDC_SHEETS, Machine, MachineSheet, PMSM_SHEETS
+from motor_sysid.benchmark.three_phase_hidden import HIDE, rated_torque
 from motor_sysid.benchmark.three_phase_rig import DT, Hidden, pmsm, Rig, Sensors, six_step
 from motor_sysid.errors import UserError
 from motor_sysid.signals.record import Record
@@ -30,82 +30,6 @@ SIZES = (0.03, 0.1)
 TOLERANCE = 0.12
 """Largest relative deviation of a true parameter from the data sheet."""
 
-
-Hide = Callable[[Hidden, float, MachineSheet, np.random.Generator], Hidden]
-
-
-def _on(hidden: Hidden, **numbers: float) -> Hidden:
-    return replace(hidden, machine=hidden.machine._replace(**numbers))
-
-
-def rated_torque(sheet: MachineSheet) -> float:
-    """Return the torque of the rated current, N m."""
-    return (2.0 if sheet.machine.corner else 1.5) * sheet.machine.k_e * sheet.current
-
-
-def _coulomb(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    return _on(h, tau_c=size * rated_torque(s))
-
-
-def _stribeck(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    tau = size * rated_torque(s)
-    return _on(
-        h, tau_c=tau, tau_s=rng.uniform(0.5, 1.0) * tau,
-        omega_s=rng.uniform(0.02, 0.08) * s.top_speed,
-    )  # fmt: skip
-
-
-def _drag(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    return _on(h, drag=size * rated_torque(s) / s.top_speed**2)
-
-
-def _load(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    return _on(h, tau_l=size * rated_torque(s) * rng.choice([-1.0, 1.0]))
-
-
-def _cogging(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    order = float(rng.choice([2, 4, 6])) * s.machine.pole_pairs
-    return _on(
-        h, cogging=size * rated_torque(s), cogging_angle=rng.uniform(-np.pi, np.pi), order=order
-    )
-
-
-def _step(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    torque = size * rated_torque(s) * rng.choice([-1.0, 1.0])
-    return _on(h, step_torque=torque, step_time=rng.uniform(3.0, 7.0))
-
-
-def _soft(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    return _on(h, soft=5 * size, i_soft=rng.uniform(0.5, 2.0) * s.current)
-
-
-def _dead(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    voltage = 0.5 * size * s.supply
-    return replace(h, dead=voltage, band=rng.uniform(0.02, 0.1) * s.current)
-
-
-def _delay(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    low, high = (1e-3, 3e-3) if size < 0.06 else (3e-3, 12e-3)
-    return replace(h, delay=float(rng.uniform(low, high)))
-
-
-def _harmonics(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
-    return _on(h, fifth=size, seventh=-rng.uniform(0.3, 1.0) * size)
-
-
-HIDE: dict[str, Hide] = {
-    'coulomb_friction': _coulomb,
-    'stribeck_friction': _stribeck,
-    'quadratic_drag': _drag,
-    'constant_load_torque': _load,
-    'cogging_torque': _cogging,
-    'load_torque_step': _step,
-    'inductance_saturation': _soft,
-    'inverter_dead_time': _dead,
-    'input_delay': _delay,
-    'emf_harmonics': _harmonics,
-}
-"""Key to the function that hides an effect of a size in a machine; sizes as in `hidden`."""
 
 KINDS = {'six_step': ('bldc_six_step', BLDC_SHEETS), 'pmsm': ('pmsm', PMSM_SHEETS)}
 """Kind of a case to the motor kind of its model, and the data sheets it is drawn from."""

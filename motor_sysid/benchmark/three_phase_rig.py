@@ -45,12 +45,15 @@ class Hidden:
         Voltage that dead time takes from a leg, V, in full beyond the current `band`, A.
     delay:
         Time from command to voltage, s.
+    speed_lag:
+        Time constant of a filter of the speed, s; 0 without one.
     """
 
     machine: Machine
     dead: float = 0.0
     band: float = 1.0
     delay: float = 0.0
+    speed_lag: float = 0.0
 
 
 class Sensors(NamedTuple):
@@ -71,7 +74,7 @@ class Rig:
         self.hidden, self.sheet, self.sensors, self.rng = hidden, sheet, sensors, rng
         self.machine = Machine(*map(float, hidden.machine))
         self.x, self._work = np.zeros(STATES), np.zeros((6, STATES))
-        self._count = 0
+        self._count, self._angle, self._speed = 0, 0.0, 0.0
         self._late: list[tuple[float, float]] = [(0.0, 0.0)] * (2 + int(hidden.delay / DT))
 
     def currents(self) -> Array:
@@ -83,6 +86,13 @@ class Rig:
     def angle(self) -> float:
         """Return the angle as the encoder shows it, rad."""
         return self.sensors.angle * math.floor(float(self.x[THETA]) / self.sensors.angle)
+
+    def speed(self, angle: float) -> float:
+        """Return the speed since the last sample, or what a filter makes of it, rad/s."""
+        passed, self._angle = (angle - self._angle) / DT, angle
+        lag = self.hidden.speed_lag
+        self._speed += (passed - self._speed) * (-math.expm1(-DT / lag) if lag else 1.0)
+        return self._speed
 
     def advance(self, first: float, second: float = 0.0) -> None:
         """Run one sample under the commanded voltage: across the pair, or on both axes."""
@@ -99,7 +109,7 @@ class Rig:
 
 @njit(cache=True, error_model='numpy')
 def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no-untyped-def]
-    """Advance the state (6,) by a sample, the first `late` steps under the older command.
+    """Advance the state (8,) by a sample, the first `late` steps under the older command.
 
     A machine with a trapezoid is driven in six steps, commutated wherever it is, any other by a
     vector that turns with the rotor.
@@ -147,7 +157,7 @@ def six_step(
     bearable = min(sheet.supply, _BEARABLE * sheet.current * 2 * m.R / 0.6)
     want = level * shape * (0.7 * sheet.top_speed if closed else bearable)
     faster = rng.uniform(1.5, 4.0)
-    kp, total, before = 2 * m.k_e * (faster - 1), 0.0, 0.0
+    kp, total = 2 * m.k_e * (faster - 1), 0.0
     ki = kp * faster / (3 * slow)
     columns: dict[str, list[float]] = {name: [] for name in (
         'voltage', 'current', 'speed', 'position', 'hall_sector', 'current_a', 'current_b',
@@ -155,7 +165,7 @@ def six_step(
 
     for k in range(time.size):
         seen, angle = rig.currents(), rig.angle()
-        speed, before = (angle - before) / DT, angle
+        speed = rig.speed(angle)
         sector = sector_at(m.pole_pairs * float(rig.x[THETA]))
         into, out = FORWARD[sector - 1]
         u = float(want[k])
@@ -180,7 +190,7 @@ def pmsm(
     bandwidth = 0.25 / (DT + 2 * hidden.delay)
     inertial = m.J / (1.5 * m.k_e)
     shape, top = profile(time, 20.0 / bandwidth, rng), 0.4 * sheet.top_speed
-    want, before, sums = rng.uniform(0.4, 0.9) * top * shape, 0.0, np.zeros(3)
+    want, sums = rng.uniform(0.4, 0.9) * top * shape, np.zeros(3)
     place = np.searchsorted(np.cumsum(rng.uniform(0.02, 0.1, 999)), time)
     pulses = 0.15 * sheet.current * rng.uniform(-1.0, 1.0, (2, 1000))[:, place]
     pulses[:, time < 0.5] = 0.0
@@ -190,7 +200,7 @@ def pmsm(
 
     for k in range(time.size):
         seen, angle = rig.currents(), rig.angle()
-        speed, before = (angle - before) / DT, angle
+        speed = rig.speed(angle)
         turned = m.pole_pairs * angle
         i_d, i_q = park(
             float(seen[0]), float(seen[1]), float(seen[2]), math.cos(turned), math.sin(turned)

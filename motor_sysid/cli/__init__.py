@@ -22,7 +22,7 @@ VERBS = (
 BAD_INPUT, INTERRUPTED, BROKEN_PIPE = 2, 130, 141
 EPILOG = (
     '`motor-sysid VERB --help` explains a verb.  '
-    'DATA is a rosbag2 folder, .mcap, .db3, CSV or CSV.GZ.'
+    'DATA is a rosbag2 folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz.'
 )
 
 

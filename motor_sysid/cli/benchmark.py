@@ -117,9 +117,10 @@ def _cases(args: argparse.Namespace) -> int:
     for name in args.case:
         if not is_three_phase(name):
             named_case(name)
-    results = [one(Task(name, args.seed, _peers(args))) for name in args.case]
-    for result in results:
-        print(json.dumps(result.as_dict(), indent=1))
+    peers = () if all(is_three_phase(name) for name in args.case) else _peers(args)
+    for name in args.case:
+        result = one(Task(name, args.seed, peers))
+        print(json.dumps(result.as_dict(), indent=1), flush=True)
     return 0
 
 

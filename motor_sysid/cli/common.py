@@ -17,7 +17,7 @@ def add_data_arguments(parser: argparse.ArgumentParser, *, validate: bool = Fals
     """Declare DATA, and how to read it."""
     parser.add_argument(
         'data', nargs='+', type=Path, metavar='DATA',
-        help='bag folder, .mcap, .db3, CSV or CSV.GZ; several are used together',
+        help='bag folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz; several are used together',
     )  # fmt: skip
     add_reading_arguments(parser)
     if validate:

@@ -25,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('model', type=Path, metavar='MODEL', help='model (YAML) of the good motor')
     parser.add_argument(
         'data', nargs='+', type=Path, metavar='DATA',
-        help='one recording for each day: bag folder, .mcap, .db3, CSV or CSV.GZ',
+        help='one recording for each day: bag folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz',
     )  # fmt: skip
     add_reading_arguments(parser)
     parser.add_argument(

@@ -28,9 +28,10 @@ SUFFIXES = {
     'n_m': 'N m', 'mn_m': 'mN m', 'c': 'degC', 'degc': 'degC', 'percent': '%',
 }  # fmt: skip
 USUAL = {
-    'V': 'voltage', 'A': 'current', 'rad/s': 'speed', 'rpm': 'speed', 'm/s': 'speed',
-    'turns/s': 'speed', 'rad': 'position', 'turns': 'position', 'm': 'position', 'N': 'force',
-    'N m': 'torque',
+    'V': 'voltage', 'mV': 'voltage', 'A': 'current', 'mA': 'current', 'rad/s': 'speed',
+    'deg/s': 'speed', 'rpm': 'speed', 'm/s': 'speed',
+    'turns/s': 'speed', 'rad': 'position', 'deg': 'position', 'turns': 'position',
+    'm': 'position', 'N': 'force', 'N m': 'torque', '%': 'duty',
 }  # fmt: skip
 SI_TIME = 's'
 
@@ -168,10 +169,14 @@ def _help(origin: str, columns: Sequence[str], missing: str) -> str:
     """Return the error for headers that are not understood, with the YAML that would help."""
     found = {column: understand(column, columns) for column in columns}
     time = next((c for c, heading in found.items() if heading and heading.signal == TIME), None)
-    lines = [f'time: {{column: {_quoted(time or columns[0])}, unit: s}}', 'signals:']
+    timed = f'column: {_quoted(time)}, unit: s' if time else 'step: 0.001'
+    lines = [f'time: {{{timed}}}', 'signals:']
     unread = [column for column, heading in found.items() if not heading and column != time]
-    guesses = _guesses(unread) or {'voltage': (unread[0] if unread else 'COLUMN', 'V')}
+    known = {h.signal: (h.column, h.unit) for h in found.values() if h and h.signal != TIME}
+    guesses = known | _guesses(unread)
+    guesses = guesses or {'voltage': (unread[0] if unread else 'COLUMN', 'V')}
     for signal, (column, unit) in guesses.items():
+        unit = unit.strip('-') or BY_NAME[signal].units[0]
         lines.append(f'  {signal}: {{column: {_quoted(column)}, unit: {unit}}}')
     return (
         f'{origin}: no column is understood as a {missing}; its columns are '
@@ -188,7 +193,7 @@ def _guesses(columns: Sequence[str]) -> dict[str, tuple[str, str]]:
         name = _plain(column)
         for suffix in sorted(SUFFIXES, key=len, reverse=True):
             unit = SUFFIXES[suffix]
-            if name.endswith(f'_{suffix}') and unit in USUAL:
+            if f'_{name}'.endswith(f'_{suffix}') and unit in USUAL:
                 found.setdefault(USUAL[unit], (column, unit))
                 break
     return found

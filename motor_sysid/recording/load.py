@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.recording.arrays import read_arrays, SUFFIXES
 from motor_sysid.recording.bag_rows import rows_of_bag
 from motor_sysid.recording.headers import config_from_headers
 from motor_sysid.recording.msg_config import load_msg_config
@@ -20,6 +21,9 @@ from motor_sysid.signals.finding import Finding
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
+
+KINDS = 'a bag folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz'
+"""What a recording may be, in words."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +51,7 @@ class Loaded:
 def load(
     path: str | Path, msg_config: str | Path | MsgConfig | None = None, *, namespace: str = ''
 ) -> Loaded:
-    """Read a rosbag2 folder, ``.mcap``, ``.db3``, CSV or CSV.GZ.
+    """Read a rosbag2 folder, ``.mcap``, ``.db3``, CSV, CSV.GZ, ``.mat`` or ``.npz``.
 
     Parameters
     ----------
@@ -66,7 +70,7 @@ def load(
     """
     path = Path(path)
     if not path.exists():
-        raise UserError(f'{path} does not exist; DATA is a bag folder, .mcap, .db3, CSV or CSV.GZ')
+        raise UserError(f'{path} does not exist; DATA is {KINDS}')
     if path.suffix == '.bag':
         raise UserError(f'{path} is a ROS 1 bag; convert it with rosbags-convert')
     try:
@@ -96,7 +100,7 @@ def _load_bag(path: Path, config: MsgConfig, namespace: str) -> Loaded:
 
 
 def _load_table(path: Path, config: MsgConfig | None) -> Loaded:
-    table = read_table(path)
+    table = read_arrays(path) if path.suffix in SUFFIXES else read_table(path)
     findings: list[Finding] = []
     if config is None:
         config, findings = config_from_headers(str(path), table.names)

@@ -18,7 +18,7 @@ TOP_KEYS = ('description', 'namespace', 'base_clock', 'max_gap', 'time', 'segmen
 PLACES = ('topic', 'column', 'product', 'sum', 'constant')
 SOURCE_KEYS = (*PLACES, 'type', 'field', 'unit', 'scale', 'offset', 'sign', 'counts_per_turn',
                'gear_ratio', 'stamp', 'stamp_unit', 'when', 'optional')  # fmt: skip
-TIME_KEYS = ('column', 'unit')
+TIME_KEYS = ('column', 'step', 'unit')
 CONDITION_KEYS = ('field', 'is', 'is_not')
 
 Table = Mapping[str, object]
@@ -149,7 +149,7 @@ class _Reader:
         )
 
     def time(self, value: object) -> TimeColumn | None:
-        """Return the time column; ``time: t_s`` alone means seconds."""
+        """Return the time column, or the step; ``time: t_s`` alone means seconds."""
         if value is None:
             return None
         if isinstance(value, str):
@@ -157,11 +157,16 @@ class _Reader:
         table = self.table(value, 'time', TIME_KEYS)
         column = self.text(table, 'column', where='time')
         unit = self.text(table, 'unit', 's', 'time')
-        if not column:
-            raise self.fail('time', 'needs `column: HEADER`')
+        if bool(column) == ('step' in table):
+            raise self.fail('time', 'needs `column: HEADER`, or `step: SECONDS` without one')
         if unit != ISO and parse_unit(unit).si != 's':
             raise self.fail('time.unit', f'must be a time (s, ms, us, ns, {ISO}), not `{unit}`')
-        return TimeColumn(column, unit)
+        if column:
+            return TimeColumn(column, unit)
+        step = self.number(table, 'step', 0.0, 'time')
+        if unit == ISO or not step > 0.0:
+            raise self.fail('time.step', f'must be a time above 0 between rows, not `{step}`')
+        return TimeColumn('', unit, step)
 
     def sources(self, entry: object, name: str, stamp: str) -> tuple[Source, ...]:
         """Return the source or the list of alternative sources of a signal."""

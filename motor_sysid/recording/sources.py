@@ -42,7 +42,7 @@ class Source:
     topic, type, field:
         Topic, message type (checked if given) and path of the value, for a bag.
     column:
-        Header of the column, for a CSV.
+        Header of the column, for a table.
     product, sum:
         Names of other signals to multiply or add.
     constant:
@@ -153,10 +153,14 @@ ISO = 'iso8601'
 
 @dataclass(frozen=True)
 class TimeColumn:
-    """The column of a CSV that carries the time; its unit may be `ISO`."""
+    """The column of a table that carries the time; its unit may be `ISO`.
+
+    Where there is no column, rows follow each other every `step` s.
+    """
 
     column: str
     unit: str = 's'
+    step: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -168,7 +172,7 @@ class MsgConfig:
     sources:
         Signal to its sources; the first one that the data has is taken.
     time:
-        Time column of a CSV.
+        Time column of a table, or its step.
     segment_by:
         Column whose every change begins a new record.
     namespace:

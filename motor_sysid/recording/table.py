@@ -186,7 +186,9 @@ def _text(path: Path, findings: list[Finding]) -> str:
     if data[:2] == b'\x1f\x8b':
         data = _gunzip(path, data, findings)
     if b'\0' in data[:4096] and data[:2] not in {b'\xff\xfe', b'\xfe\xff'}:
-        raise UserError(f'{path} is not a text file; DATA is a bag, .mcap, .db3, CSV or CSV.GZ')
+        raise UserError(
+            f'{path} is not a text file; DATA is a bag, .mcap, .db3, CSV, CSV.GZ, .mat or .npz'
+        )
     encoding = 'utf-16' if data[:2] in {b'\xff\xfe', b'\xfe\xff'} else 'utf-8-sig'
     try:
         text = data.decode(encoding)

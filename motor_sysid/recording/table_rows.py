@@ -1,4 +1,4 @@
-"""From the columns of a CSV to rows of signals, as a msg_config says."""
+"""From the columns of a table to rows of signals, as a msg_config says."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -7,15 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.recording.arrays import ArrayTable
 from motor_sysid.recording.rows import Rows, unwrapped
 from motor_sysid.recording.sources import ISO, MsgConfig, Source, TimeColumn
 from motor_sysid.recording.table import Table
 from motor_sysid.signals.units import parse_unit
 
 Array = NDArray[np.float64]
+Columns = Table | ArrayTable
 
 
-def rows_of_table(table: Table, config: MsgConfig) -> tuple[list[Rows], dict[str, Source]]:
+def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[str, Source]]:
     """Read the signals that a msg_config names.
 
     Returns
@@ -31,18 +33,14 @@ def rows_of_table(table: Table, config: MsgConfig) -> tuple[list[Rows], dict[str
     if config.time is None:
         raise UserError(
             f'{config.origin} names no time column; add `time: {{column: {table.names[0]}, '
-            f'unit: s}}`; the columns of {table.path} are {", ".join(table.names)}'
+            f'unit: s}}`, or `time: {{step: 0.001}}` if there is none; the '
+            f'columns of {table.path} are {", ".join(table.names)}'
         )
     chosen = _choose(table, config)
     columns = [source.column for source in chosen.values()]
-    dated = config.time.unit == ISO
-    wanted = columns if dated else [config.time.column, *columns]
-    numbers = table.numbers(list(dict.fromkeys(wanted)))
-    time = (
-        _dates(table, config.time)
-        if dated
-        else parse_unit(config.time.unit).to_si(numbers[config.time.column])
-    )
+    timed = [config.time.column] if config.time.column and config.time.unit != ISO else []
+    numbers = table.numbers(list(dict.fromkeys([*timed, *columns])))
+    time = _time(table, config.time, numbers)
     units = {name: source.si_unit() for name, source in chosen.items()}
     signals = {
         name: unwrapped(source.to_si(numbers[source.column]), units[name])
@@ -53,7 +51,18 @@ def rows_of_table(table: Table, config: MsgConfig) -> tuple[list[Rows], dict[str
     return _segments(Rows(time, signals, units), table, config), chosen
 
 
-def _choose(table: Table, config: MsgConfig) -> dict[str, Source]:
+def _time(table: Columns, time: TimeColumn, numbers: dict[str, Array]) -> Array:
+    """Return the times (N,) of the rows, s."""
+    if time.unit == ISO:
+        return _dates(table, time)
+    unit = parse_unit(time.unit)
+    if time.column:
+        return unit.to_si(numbers[time.column])
+    rows = next(iter(numbers.values())).size
+    return unit.to_si(time.step * np.arange(rows, dtype=np.float64))
+
+
+def _choose(table: Columns, config: MsgConfig) -> dict[str, Source]:
     """Take the first source of each signal that the table has."""
     chosen: dict[str, Source] = {}
     for name, sources in config.sources.items():
@@ -73,7 +82,7 @@ def _choose(table: Table, config: MsgConfig) -> dict[str, Source]:
     return chosen
 
 
-def _dates(table: Table, time: TimeColumn) -> Array:
+def _dates(table: Columns, time: TimeColumn) -> Array:
     """Time in s since the first row, from dates such as ``2025-11-12T10:03:29.555Z``."""
     texts = [text.rstrip('Zz') for text in table.texts(time.column)]
     try:
@@ -83,7 +92,7 @@ def _dates(table: Table, time: TimeColumn) -> Array:
     return np.asarray((stamps - stamps[0]).astype(np.int64) / 1e9, dtype=np.float64)
 
 
-def _segments(rows: Rows, table: Table, config: MsgConfig) -> list[Rows]:
+def _segments(rows: Rows, table: Columns, config: MsgConfig) -> list[Rows]:
     """Cut where the column named by `segment_by` changes."""
     if not config.segment_by:
         return [rows]
