@@ -1,24 +1,33 @@
 """The simulated motor as PMSM and BLDC: against the independent simulator, and over real DDS."""
 
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 import math
 from pathlib import Path
+import time
 
 import numpy as np
 import pytest
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.utilities import try_shutdown
 from ros_harness import nodes, parameters, wait_for
 
 from motor_sysid.benchmark.machine import Bridge, Machine
+from motor_sysid.benchmark.three_phase_cases import draw
 from motor_sysid.benchmark.three_phase_drive import PhaseSensors, run_drive, ThreePhaseDrive
 from motor_sysid.control.foc import CurrentLoop
 from motor_sysid.control.six_step import SixStepLoop
 from motor_sysid.errors import UserError
-from motor_sysid.nodes.monitor import Monitor
+from motor_sysid.nodes.monitor import Estimated, Monitor
 from motor_sysid.nodes.motor_settings import MotorSettings
 from motor_sysid.nodes.plants import make_plant
 from motor_sysid.nodes.plants.base import Plant, Sample
+from motor_sysid.nodes.publishing import joint_publisher, vector_publisher
 from motor_sysid.recording import load
 from motor_sysid.signals import Record
 from motor_sysid.signals.doctor import examine
@@ -169,6 +178,63 @@ def test_a_bldc_is_recorded_in_phases_over_dds(repository: Path, tmp_path: Path)
     assert np.all(line < 25.5)
     assert np.median(line) > 0.05
     assert {'current_command', 'speed_reference'} <= set(record)
+
+
+def test_a_six_step_motor_is_identified_over_dds() -> None:
+    """A drive that tells voltage and current of the pair, as the nodes of a robot would."""
+    case = draw('six_step/coulomb_friction/10/0', 0, 6.0)
+    m, record = case.hidden.machine, case.train[0]
+    true = {'R': 2 * m.R, 'k_t': 2 * m.k_e, 'J': m.J, 'coulomb_friction.tau_c': m.tau_c}
+    off = {'R': 1.3 * true['R'], 'L': 1.6 * m.L_d, 'k_t': 1.6 * m.k_e, 'J': 0.7 * m.J, 'b': m.b}
+    nominal = off | {'pole_pairs': m.pole_pairs, 'v_free': case.sheet.supply}
+    given = parameters(
+        motor='bldc_six_step', estimator='ekf', effects='[coulomb_friction]',
+        nominal=f'[{", ".join(f"{name}={value:.12g}" for name, value in nominal.items())}]',
+    )  # fmt: skip
+    with nodes(identifier=given), Monitor() as monitor:
+        with publishing() as (node, publish):
+            wait_for(
+                lambda: node.get_subscriptions_info_by_topic('/motor/speed'), 'a listener', 60
+            )
+            publish(record)
+        wait_for(lambda: within(monitor.look().estimates, true, 0.03), 'estimates', 60)
+
+
+def within(estimates: Mapping[str, Estimated], true: Mapping[str, float], share: float) -> bool:
+    """Whether all of these are estimated, and right within a share."""
+    return all(
+        name in estimates and estimates[name].value == pytest.approx(value, rel=share)
+        for name, value in true.items()
+    )
+
+
+@contextmanager
+def publishing() -> Iterator[tuple[Node, Callable[[Record], None]]]:
+    """Give a node and a function that publishes voltage, current and speed in real time."""
+    context = Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('drive', context=context)
+    voltage, current = (vector_publisher(node, f'motor/{n}', 'dc') for n in ('voltage', 'current'))
+    speed = joint_publisher(node, 'motor/speed', 'shaft', ('position', 'velocity'))
+
+    def publish(record: Record) -> None:
+        names = ('voltage', 'current', 'position', 'speed')
+        rows = np.column_stack([record[name] for name in names])
+        begin = node.get_clock().now().nanoseconds
+        for k, (v, i, angle, omega) in enumerate(rows.tolist()):
+            stamp = begin + k * 1_000_000
+            voltage.publish(stamp, v, 0.0, 0.0)
+            current.publish(stamp, i, 0.0, 0.0)
+            speed.publish(stamp, angle, omega)
+            ahead = stamp - node.get_clock().now().nanoseconds
+            if ahead > 2_000_000:
+                time.sleep(1e-9 * ahead)
+
+    try:
+        yield node, publish
+    finally:
+        node.destroy_node()
+        try_shutdown(context=context)
 
 
 def travel(record: Record) -> float:

@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from motor_sysid.benchmark.machine import BLDC_SHEETS, Bridge, Machine, PMSM_SHEETS
-from motor_sysid.benchmark.three_phase import advance, OMEGA, shape, STATES, THETA
+from motor_sysid.benchmark.three_phase import advance, OMEGA, OMEGA_L, shape, STATES, THETA, TWIST
 from motor_sysid.benchmark.three_phase_drive import (
     phase_record,
     PhaseSensors,
@@ -28,7 +28,7 @@ IDEAL = PhaseSensors(counts=0, noise=0.0, bits=0)
 
 
 def simulated(machine: Machine, terminals, seconds: float, start=(), dead: float = 0.0):
-    """Return the states (N, 6) and terminal voltages (N, 3) under ``terminals(t)``; NaN is off."""
+    """Return the states (N, 8) and terminal voltages (N, 3) under ``terminals(t)``; NaN is off."""
     x, work = np.zeros(STATES), np.zeros((6, STATES))
     x[: len(start)] = start
     machine, states, shown = Machine(*map(float, machine)), [x.copy()], []
@@ -210,3 +210,50 @@ def test_the_example_of_the_page_runs(repository: Path) -> None:
     record = names['record']
     assert {'voltage_a', 'current_c', 'voltage_q', 'current_d', 'speed'} <= set(record)
     assert record['speed'][380:400].mean() == pytest.approx(100, rel=0.03)
+
+
+def spun(seconds: float, start=(), **numbers: float) -> np.ndarray:
+    """Return the states (N, 8) of a shaft whose machine neither drives nor brakes."""
+    machine = PMSM._replace(k_e=0.0, b=0.0, J=1e-4, **numbers)
+    state = np.zeros(STATES)
+    state[: len(start)] = start
+    return simulated(machine, lambda t: (0.0, 0.0, 0.0), seconds, state)[0]
+
+
+def test_a_load_behind_a_shaft_swings_as_two_masses_do() -> None:
+    load, spring, damper = 5e-5, 2.0, 1e-3
+    states = spun(0.1, (0, 0, 0, 10.0), J_load=load, spring=spring, damper=damper)
+    omega, omega_l = states[:, OMEGA], states[:, OMEGA_L]
+    assert np.allclose(1e-4 * omega + load * omega_l, 1e-4 * 10.0, rtol=1e-9), 'nothing is lost'
+    small = 1e-4 * load / (1e-4 + load)
+    decay, pulsation = 0.5 * damper / small, math.sqrt(spring / small)
+    damped = math.sqrt(pulsation**2 - decay**2)
+    t = H * np.arange(len(states))
+    wave = np.exp(-decay * t) * (np.cos(damped * t) - decay / damped * np.sin(damped * t))
+    assert np.allclose(omega - omega_l, 10.0 * wave, atol=1e-5)
+    assert np.allclose(states[:, TWIST], 10 / damped * np.exp(-decay * t) * np.sin(damped * t),
+                       atol=1e-7)  # fmt: skip
+
+
+def test_a_load_that_swings_or_joins_moves_the_shaft_by_its_torque() -> None:
+    rate, angle = 100.0, 0.4
+    states = spun(0.1, swing=2e-3, swing_rate=rate, swing_angle=angle)
+    t = H * np.arange(len(states))
+    want = 2e-3 / 1e-4 / rate * (np.cos(rate * t + angle) - math.cos(angle))
+    assert np.allclose(states[:, OMEGA], want, atol=1e-9)
+
+    states = spun(0.1, tau_l=-1e-3, step_time=0.05, step_inertia=1e-4)
+    slopes = np.diff(states[:, OMEGA]) / H
+    assert np.allclose(slopes[:9990], 10.0)
+    assert np.allclose(slopes[10010:], 5.0), 'an inertia joins at the speed of the rotor'
+
+
+def test_gear_friction_takes_its_share_of_the_torque() -> None:
+    m = PMSM._replace(b=0.0, J=1.0)  # the shaft keeps its speed
+    start = (0.0, 0.0, 0.0, 5.0)
+    free, rubbing = (
+        simulated(m._replace(mu=mu), lambda t: (3.0, 0.0, 0.0), 1e-3, start)[0]
+        for mu in (0.0, 0.2)
+    )
+    gained, left = free[-1, OMEGA] - 5.0, rubbing[-1, OMEGA] - 5.0
+    assert left == pytest.approx(gained - 0.2 * abs(gained), rel=1e-3)

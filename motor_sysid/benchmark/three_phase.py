@@ -238,7 +238,8 @@ def _step(machine, x, low, high, flow, way, t, h, work, new):  # type: ignore[no
     for j in range(STATES):
         new[j] = at[j] = x[j]
     for stage in range(4):
-        _rates(machine, at, low, high, flow, way, t, work, k)
+        now = t + h * (0.0 if stage == 0 else 1.0 if stage == 3 else 0.5)
+        _rates(machine, at, low, high, flow, way, now, work, k)
         share = h / 6.0 if stage == 0 or stage == 3 else h / 3.0
         reach = h if stage == 2 else 0.5 * h
         for j in range(STATES):  # loops: an array expression takes numba a second to compile
