@@ -309,7 +309,7 @@ def look_ahead(
     slowest = float(np.max(np.linalg.eigvals(a[np.ix_(inner, inner)]).real))
     time_constant = -1.0 / slowest if slowest < 0 else np.inf
     duration = max(r.duration for r in records)
-    if 'position' not in outputs and time_constant < duration / 50:
+    if 'position' not in outputs and time_constant < duration / 10:
         return None
     dt = max(r.dt for r in records)
     return float(np.clip(2 * time_constant, 100 * dt, max(duration / 10, 100 * dt)))

@@ -302,11 +302,12 @@ class Effect:
         targets:
             Names of the motor's equations and sensors.
         balance:
-            Equation to which a law of voltage is added if the effect has none for it, or empty.
+            Equation of a motor whose only balance is one of voltages, or empty: it takes the law
+            made for such a motor, or a law of voltage if the effect has none for it.
         """
         named = [name for target in targets for name in (target, SECOND + target)]
         laws = {name: law for name in named if (law := _of_frame(self.laws, name, frame))}
-        if balance and balance not in laws:
+        if balance and (REDUCED in self.laws or balance not in laws):
             standing = self.laws.get(REDUCED) or self.laws.get('voltage')
             laws |= {balance: standing} if standing else {}
         rates = {

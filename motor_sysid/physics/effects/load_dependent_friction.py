@@ -40,3 +40,8 @@ def torque_abc(
     c = trapezoid(s + THIRD, flat, corner)
     driven = k_e * ((a - c) * i_a + (b - c) * i_b)
     return -mu * abs(driven) * smooth_sign(omega, omega_eps)
+
+
+def voltage_reduced(omega: float, omega_eps: float, u: float, k_v: float, mu: float) -> float:
+    """Voltage in V."""
+    return -mu * abs(u - k_v * omega) * smooth_sign(omega, omega_eps)
