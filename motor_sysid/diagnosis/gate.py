@@ -207,6 +207,13 @@ def is_idle(rung: Rung, without: Rung, key: str) -> bool:
     return gain < least and not is_told(rung.model, key)
 
 
+def is_usual(one: Effect, model: Model) -> bool | None:
+    """Whether what every motor of the kind has is of usual size; None for any other effect."""
+    if not one.card.inherent:
+        return None
+    return model[f'{one.key}.{one.card.amplitudes[0].name}'] <= one.card.inherent
+
+
 def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
     """Return the gain that the misfit of a model's laws may make of a further effect.
 
@@ -277,6 +284,8 @@ def gate_note(
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
     trifling = scored.variant.inherits and not mends
+    if is_usual(scored.variant.effect, new.model) and gain > -MIN_GAIN_PERCENT:
+        return ''
     if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):

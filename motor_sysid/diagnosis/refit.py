@@ -132,7 +132,8 @@ def _undrained(found: FitResult, key: str, bench: Bench) -> FitResult:
 
 def _chatters(model: Model) -> bool:
     """Whether a law of the model has a sign of current."""
-    return any('i_eps' in effect(key).needs() for key in model.effects)
+    taken = (model.kind.taking(effect(key)) for key in model.effects)
+    return any('i_eps' in one.needs() for one in taken)
 
 
 def slid(model: Model, weighting: Weighting, bench: Bench) -> FitResult:

@@ -9,6 +9,7 @@ from motor_sysid.diagnosis.apart import alike, compared
 from motor_sysid.diagnosis.gate import (
     combined_error,
     gone,
+    is_usual,
     MIN_GAIN_PERCENT,
     UNCERTAIN,
     UNPHYSICAL,
@@ -70,15 +71,23 @@ inductance alone often is."""
 def winner_of(passing: Sequence[Trial]) -> Trial:
     """Return the best trial, or its simplest special case that explains most of it.
 
-    Of several that do as well, one that keeps what the model has goes first.
+    Of several that do as well, what every motor has goes first, then one that keeps what the
+    model has.
     """
     best = passing[0]
     simplest = _simplest(best, passing)
     if simplest is not best:
         return simplest
     equal = [best, *_equals(best, passing)]
+    if usual := next((t for t in equal if _usual(t)), None):
+        return usual
+    equal = [t for t in equal if _usual(t) is not False] or equal
     keeps = [t for t in equal if not t.scored.variant.inherits]
-    return _simplest(keeps[0], passing) if keeps else best
+    return _simplest(keeps[0], passing) if keeps else equal[0]
+
+
+def _usual(trial: Trial) -> bool | None:
+    return is_usual(trial.scored.variant.effect, trial.rung.model)
 
 
 def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
@@ -109,8 +118,12 @@ def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, 
 
     One that comes to the same law is none: no experiment tells the two apart, and no question is
     open.  Nor is one that changes other things in the outputs of `base`: it is missing as well.
+    What every motor has, has no rivals, and is none if it would have to be larger than usual.
     """
     equals = [t for t in _equals(winner, trials) if not same_law(t, winner)]
+    equals = [t for t in equals if _usual(t) is not False]
+    if _usual(winner):
+        return ()
     if _is_lost(winner):
         return tuple(t.key for t in equals)
     return tuple(t.key for t in equals if alike(compared(base, winner.rung, t.rung)))

@@ -223,6 +223,10 @@ class Card:
     grid:
         Parameter to finite values, in units of its scale, of all combinations of which the best
         are tried as starts; for an effect of whose strength a touch tells little.
+    inherent:
+        Largest usual value of the first amplitude (SI), for what every motor has that may have
+        the effect: up to it, it goes first among what explains as well, beyond it last; 0 for
+        any other effect.
     hidden_by:
         Shortfalls of the excitation, of `SHORTFALLS`, for which it cannot be seen or told from
         others.
@@ -254,6 +258,7 @@ class Card:
     pace: str = ''
     strikes: bool = False
     grid: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    inherent: float = 0.0
     hidden_by: tuple[str, ...] = ()
 
     @property

@@ -40,6 +40,7 @@ _FILES = (
     'drive_coast',
     'brush_voltage_drop',
     'armature_heating',
+    'armature_inductance',
     'inductance_saturation',
     'emf_harmonics',
     'current_sensor_lag',

@@ -32,7 +32,7 @@ CARD = Card(
     states=('phi', 'omega_l'),
     begins={'omega_l': 'omega'},
     generalises={'flexible_shaft': (('r', 'r'), ('w_a', 'w_a'), ('z', 'z'))},
-    shrinks=('J',),
+    shrinks=('J', 'k_a'),
     pace='w_a',
     strikes=True,
     grid={
@@ -60,6 +60,14 @@ def torque(
 ) -> float:  # fmt: skip
     """Torque in N m."""
     return -r * J * push(omega, phi, omega_l, phi_g, w_a, z)
+
+
+def voltage_reduced(
+    omega: float, k_a: float, phi: float, omega_l: float, r: float, phi_g: float, w_a: float,
+    z: float,
+) -> float:  # fmt: skip
+    """Voltage in V."""
+    return -r * k_a * push(omega, phi, omega_l, phi_g, w_a, z)
 
 
 def rate_phi(omega: float, omega_l: float) -> float:

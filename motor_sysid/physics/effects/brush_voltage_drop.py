@@ -1,7 +1,10 @@
-"""Voltage lost at the brushes: nearly the same for any current."""
+"""Voltage lost at the brushes: nearly the same for any current.
+
+Where the current is not measured: none flows until the drop is overcome.
+"""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
-from motor_sysid.physics.laws import smooth_sign
+from motor_sysid.physics.laws import clip, smooth_sign
 
 CARD = Card(
     title='brush voltage drop',
@@ -14,6 +17,11 @@ CARD = Card(
     axis='current',
     hidden_by=('no_current',),
 )
+
+
+def voltage_reduced(omega: float, u: float, k_v: float, v_b: float) -> float:
+    """Voltage in V."""
+    return -clip(u - k_v * omega, -v_b, v_b)
 
 
 def voltage(i: float, i_eps: float, v_b: float) -> float:

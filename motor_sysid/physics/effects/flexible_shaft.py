@@ -29,7 +29,7 @@ CARD = Card(
     axis='time',
     states=('phi', 'omega_l'),
     begins={'omega_l': 'omega'},
-    shrinks=('J',),
+    shrinks=('J', 'k_a'),
     linear=True,
     grid={
         'r': (0.3, 1.0, 3.0),
@@ -44,6 +44,13 @@ def torque(
 ) -> float:
     """Torque in N m."""
     return -r * J * (w_a * w_a * phi + 2.0 * z * w_a * (omega - omega_l))
+
+
+def voltage_reduced(
+    omega: float, k_a: float, phi: float, omega_l: float, r: float, w_a: float, z: float
+) -> float:
+    """Voltage in V."""
+    return -r * k_a * (w_a * w_a * phi + 2.0 * z * w_a * (omega - omega_l))
 
 
 def rate_phi(omega: float, omega_l: float) -> float:

@@ -27,3 +27,11 @@ def torque(domega: float, t: float, J: float, g: float, t_on: float, rise: float
     """Torque in N m."""
     change = g / (1.0 + 0.5 * (abs(g) - g))
     return -J * change * smooth_step(t - t_on, rise) * domega
+
+
+def voltage_reduced(
+    domega: float, t: float, k_a: float, g: float, t_on: float, rise: float
+) -> float:
+    """Voltage in V."""
+    change = g / (1.0 + 0.5 * (abs(g) - g))
+    return -k_a * change * smooth_step(t - t_on, rise) * domega

@@ -1,4 +1,7 @@
-"""Gear friction: it grows with the torque that the gear transmits."""
+"""Gear friction: it grows with the torque that the gear transmits.
+
+Where the current is not measured, ``u - k_v omega`` stands for the motor's torque.
+"""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
 from motor_sysid.physics.laws import smooth_sign, THIRD, trapezoid
