@@ -255,3 +255,20 @@ def test_any_times_give_records_or_a_user_error(tmp_path: Path, times: list[floa
     except UserError:
         return
     assert sum(map(len, loaded.records)) <= len(times)
+
+
+def test_duty_times_supply_is_the_voltage_where_none_is_recorded(tmp_path):
+    path = tmp_path / 'servo.csv'
+    rows = ''.join(f'{0.01 * k},{0.001 * k},{10 + 0.01 * k},{k}\n' for k in range(50))
+    path.write_text('time [s],duty [1],supply_voltage [V],speed [rad/s]\n' + rows)
+    loaded = load(path)
+    (record,) = loaded.records
+    np.testing.assert_allclose(record['voltage'], record['duty'] * record['supply_voltage'])
+    assert loaded.origins['voltage'] == 'duty * supply_voltage'
+    assert [f.code for f in loaded.findings] == ['voltage_computed']
+
+    path.write_text('time [s],duty [1],supply_voltage [V],voltage [V],speed [rad/s]\n' + ''.join(
+        f'{0.01 * k},{0.001 * k},{10 + 0.01 * k},{k},{k}\n' for k in range(50)
+    ))  # fmt: skip
+    (record,) = load(path).records
+    np.testing.assert_allclose(record['voltage'], np.arange(50.0))

@@ -40,6 +40,11 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 MIN_SAMPLES = 200
 """Fewest samples of a record from which a diagnosis may be asked for."""
 
+DUTY_ALONE = (
+    ', or add the supply voltage that the duty cycle is a share of: a column '
+    '`supply_voltage [V]`, or `supply_voltage: {constant: 24}` in that file'
+)
+
 ROUGH_ROWS = 10_000
 """Rows that a rough fit looks at."""
 
@@ -196,9 +201,11 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
         if drivable and electrical and moving and placed:
             return kind
     have = ', '.join(sorted(set.intersection(*(set(r) for r in records)))) or 'none in common'
+    duty = all('duty' in r for r in records)
     raise UserError(
         f'no motor kind fits these signals ({have}): needed are an input (voltage, torque, force '
         'or current) and an output (speed or position); name them in a msg_config file'
+        f'{DUTY_ALONE if duty else ""}'
     )
 
 

@@ -17,10 +17,12 @@ from motor_sysid.recording.rows import records_from, Rows
 from motor_sysid.recording.sources import MsgConfig, Source
 from motor_sysid.recording.table import read_table
 from motor_sysid.recording.table_rows import rows_of_table
-from motor_sysid.signals.finding import Finding
+from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
+
+VOLTAGE, DUTY = 'voltage', ('duty', 'supply_voltage')
 
 KINDS = 'a bag folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz'
 """What a recording may be, in words."""
@@ -118,10 +120,13 @@ def _finished(
     provenance = Provenance(str(path))
     records: list[Record] = []
     for part in parts:
-        rows = _with_computed(part, computed)
+        rows, told = _with_voltage(_with_computed(part, computed))
+        findings = [*findings, *told]
         new, more = records_from(rows, provenance, config.max_gap)
         records += new
         findings = findings + more
+    if records and VOLTAGE in records[0] and VOLTAGE not in origins:
+        origins[VOLTAGE] = ' * '.join(DUTY)
     for source in computed:
         if records and source.signal in records[0]:
             origins[source.signal] = source.describe()
@@ -152,6 +157,21 @@ def _with_computed(rows: Rows, computed: list[Source]) -> Rows:
         )
     kept = {name: values for name, values in signals.items() if not name.startswith('_')}
     return replace(rows, signals=kept, units=units)
+
+
+def _with_voltage(rows: Rows) -> tuple[Rows, list[Finding]]:
+    """Add the voltage that a duty cycle makes of a supply voltage, where none is recorded."""
+    known = set(rows.signals)
+    if not known.issuperset(DUTY) or any(name.startswith(VOLTAGE) for name in known):
+        return rows, []
+    duty, supply = (rows.signals[name] for name in DUTY)
+    finding = Finding(
+        Severity.INFO, 'voltage_computed', 'the voltage is duty times supply voltage',
+        'a bridge that brakes between its pulses makes that of them',
+        'name another source of the voltage in a msg_config file if there is one',
+    )  # fmt: skip
+    signals = {**rows.signals, VOLTAGE: duty * supply}
+    return replace(rows, signals=signals, units={**rows.units, VOLTAGE: 'V'}), [finding]
 
 
 def _combined(source: Source, signals: Mapping[str, Array], time: Array) -> Array:
