@@ -55,6 +55,21 @@ def test_shipped_files_read_real_records(
     assert signals <= set(loaded.records[0])
 
 
+def test_a_log_of_a_vesc_is_read_in_both_axes_at_the_shaft(tmp_path: Path) -> None:
+    names = 'ms_today;input_voltage;temp_motor;d_axis_current;q_axis_current;erpm;duty_cycle;'
+    path = tmp_path / 'log.csv'
+    rows = [f'{20 * k};{24 - 0.1 * k};31;0.1;{k};{700 * k};0.05;0.2;{0.3 * k};' for k in range(9)]
+    path.write_text('\n'.join([f'{names}d_axis_voltage;q_axis_voltage;', *rows]))
+    record = load(path, 'vesc').records[0]
+    k = np.arange(9)
+    assert record.time == pytest.approx(0.02 * k)
+    assert record['speed'] == pytest.approx(100 * k * 2 * np.pi / 60), 'seven pole pairs'
+    assert record['voltage_q'] == pytest.approx(0.3 * k)
+    assert record['current_q'] == pytest.approx(k)
+    assert record['supply_voltage'] == pytest.approx(24 - 0.1 * k)
+    assert 'voltage' not in record
+
+
 def test_emps_force(data_dir: Path) -> None:
     record = load(data_dir / 'emps' / 'emps_train.csv.gz', 'emps').records[0]
     assert record.units == {'position': 'm', 'force': 'N', 'position_reference': 'm'}

@@ -7,7 +7,7 @@ import pytest
 
 from motor_sysid.benchmark import three_phase_cases
 from motor_sysid.benchmark.three_phase_cases import draw, schedule, ThreePhaseCase
-from motor_sysid.benchmark.three_phase_judge import described, is_three_phase
+from motor_sysid.benchmark.three_phase_judge import described, owns
 from motor_sysid.benchmark.three_phase_rig import Sensors
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.setup import choose_kind, prepared_parts, told_kind
@@ -288,8 +288,8 @@ def test_the_benchmark_draws_both_kinds_and_complete_ones():
     ]  # fmt: skip
     assert sum('/complete/' in name for name in names) == 40
     assert not any(name.startswith('six_step/emf_harmonics') for name in names)
-    assert all(is_three_phase(name) for name in names)
-    assert not is_three_phase('complete/0')
+    assert all(owns(name) for name in names)
+    assert not owns('complete/0')
     assert described('pmsm/cogging_torque/10/3').effects == ('cogging_torque',)
     with pytest.raises(UserError, match='names look like'):
         draw('six_step/emf_harmonics/3/0', 0)

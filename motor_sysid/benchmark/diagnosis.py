@@ -12,8 +12,7 @@ from motor_sysid.benchmark.peers import PEERS
 from motor_sysid.benchmark.reference import with_reference
 from motor_sysid.benchmark.scenarios import case_name, named_case, Scenario, schedule
 from motor_sysid.benchmark.store import ResultsFile
-from motor_sysid.benchmark.three_phase_cases import schedule as three_phase_schedule
-from motor_sysid.benchmark.three_phase_judge import described, is_three_phase, one_case
+from motor_sysid.benchmark.suites import suite_of, SUITES
 from motor_sysid.diagnosis.diagnose import diagnose
 from motor_sysid.diagnosis.result import Diagnosis
 from motor_sysid.physics.effects import catalogue
@@ -39,7 +38,7 @@ def run(
     *,
     seed: int = 0,
     peers: tuple[str, ...] = (),
-    three_phase: bool = False,
+    suite: str = '',
     processes: int = 1,
     limit: float = TIME_LIMIT,
     progress: Progress | None = None,
@@ -56,15 +55,15 @@ def run(
         Seed of all cases.
     peers:
         Names of `peers.PEERS` to compare with.
-    three_phase:
-        Whether the cases are three-phase motors (`three_phase_cases.schedule`); without peers.
+    suite:
+        One of `SUITES` for cases of other motors, without peers.
     processes, limit:
         Worker processes, and longest time for a case, s; the results do not depend on the first.
     progress:
         Told each new result, how many are done, and how many there are.
     """
     names = (
-        three_phase_schedule(count) if three_phase
+        SUITES[suite].schedule(count) if suite
         else [case_name(*one) for one in schedule(count)]
     )  # fmt: skip
     tasks = [Task(name, seed, peers) for name in names if name not in file.results]
@@ -82,8 +81,8 @@ def run(
 
 def one(task: Task) -> Result:
     """Draw, diagnose and judge one case; a diagnosis that raises is a result, too."""
-    if is_three_phase(task.case):
-        return one_case(task.case, task.seed)
+    if suite := suite_of(task.case):
+        return suite.one_case(task.case, task.seed)
     scenario, number = named_case(task.case)
     case = draw(scenario, task.seed, number)
     begun = time.perf_counter()
@@ -140,8 +139,8 @@ def _asked(peers: tuple[str, ...], case: Case) -> Mapping[str, Named]:
 
 def _lost(task: Task, answer: workers.Lost) -> Result:
     """Return the result of a case whose worker gave none."""
-    if is_three_phase(task.case):
-        return replace(described(task.case), seconds=answer.seconds, error=answer.reason)
+    if suite := suite_of(task.case):
+        return replace(suite.described(task.case), seconds=answer.seconds, error=answer.reason)
     scenario, _ = named_case(task.case)
     known = not scenario.withheld and all(key in catalogue() for key in scenario.effects)
     return Result(

@@ -13,7 +13,7 @@ from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result import Diagnosis
 
 
-def is_three_phase(name: str) -> bool:
+def owns(name: str) -> bool:
     """Whether the name of a case is that of a three-phase motor."""
     return name.partition('/')[0] in KINDS
 

@@ -15,24 +15,25 @@ if TYPE_CHECKING:
 
 HELP = 'measure diagnosis and online estimators, or do the benchmark of the paper again'
 
-QUICK, FULL, THREE_PHASE = 24, 2000, 120
+QUICK, FULL = 24, 2000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     parser.add_argument(
-        'what', choices=('diagnosis', 'three_phase', 'estimators', 'paper', 'report'),
-        help='what to measure: the diagnosis, the same of three-phase motors, the online '
-        'estimators under the perturbations P1 to P11, or identification as in the paper; or '
-        '`report`: only show results that files hold',
+        'what',
+        choices=('diagnosis', 'three_phase', 'voltage_only', 'estimators', 'paper', 'report'),
+        help='what to measure: the diagnosis, the same of three-phase motors or of motors whose '
+        'current is not measured, the online estimators under the perturbations P1 to P11, or '
+        'identification as in the paper; or `report`: only show results that files hold',
     )  # fmt: skip
     parser.add_argument(
         'files', nargs='*', type=Path, metavar='RESULTS', help='for `report`: results files'
     )
     parser.add_argument(
         '--quick', action='store_true',
-        help=f'{QUICK} cases (some minutes) in place of {FULL} ({THREE_PHASE} of `three_phase`), '
-        'kept only with --results; of '
+        help=f'{QUICK} cases (some minutes) in place of {FULL} (fewer of `three_phase` and '
+        '`voltage_only`), kept only with --results; of '
         '`paper` a part with 3 seeds (half a minute) in place of 30, kept likewise; of '
         '`estimators` one motor for 3 s in place of two for 6 s',
     )  # fmt: skip
@@ -112,12 +113,12 @@ def _cases(args: argparse.Namespace) -> int:
 
     from motor_sysid.benchmark.diagnosis import one, Task
     from motor_sysid.benchmark.scenarios import named_case
-    from motor_sysid.benchmark.three_phase_judge import is_three_phase
+    from motor_sysid.benchmark.suites import suite_of
 
-    for name in args.case:
-        if not is_three_phase(name):
-            named_case(name)
-    peers = () if all(is_three_phase(name) for name in args.case) else _peers(args)
+    plain = [name for name in args.case if not suite_of(name)]
+    for name in plain:
+        named_case(name)
+    peers = _peers(args) if plain else ()
     for name in args.case:
         result = one(Task(name, args.seed, peers))
         print(json.dumps(result.as_dict(), indent=1), flush=True)
@@ -146,15 +147,16 @@ def _measured(args: argparse.Namespace) -> 'tuple[str, list[Result]]':
 
 def _run(args: argparse.Namespace, file: 'ResultsFile') -> 'list[Result]':
     from motor_sysid.benchmark.diagnosis import run as run_diagnosis
+    from motor_sysid.benchmark.suites import SUITES
     from motor_sysid.cli.benchmark_progress import Watch
 
-    full = THREE_PHASE if args.what == 'three_phase' else FULL
+    suite = args.what if args.what in SUITES else ''
+    full = SUITES[suite].cases if suite else FULL
     count = args.runs if args.runs is not None else QUICK if args.quick else full
     with Watch(count) as watch:
-        three_phase = args.what == 'three_phase'
         return run_diagnosis(
-            count, file, seed=args.seed, peers=() if three_phase else _peers(args),
-            three_phase=three_phase, processes=args.workers, limit=args.limit, progress=watch,
+            count, file, seed=args.seed, peers=() if suite else _peers(args),
+            suite=suite, processes=args.workers, limit=args.limit, progress=watch,
         )  # fmt: skip
 
 
