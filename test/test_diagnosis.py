@@ -222,7 +222,8 @@ def test_records_that_cannot_be_used_are_refused_in_words(spoil, words):
         diagnose([spoil(record)], motor='brushed_dc')
 
 
-def test_a_constant_input_is_insufficient_data():
+@pytest.mark.parametrize('names', [('voltage', 'current', 'speed'), ('voltage', 'speed')])
+def test_a_constant_input_is_insufficient_data(names):
     count = 4000
     rng = np.random.default_rng(0)
     signals = {
@@ -233,7 +234,7 @@ def test_a_constant_input_is_insufficient_data():
     record = Record(
         1e-3 * np.arange(count), signals, {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'}
     )
-    found = diagnose([record])
+    found = diagnose([record.select(names)])
     assert found.verdict is Verdict.INSUFFICIENT_DATA
     assert found.effects == ()
     assert found.experiment

@@ -11,6 +11,7 @@ from motor_sysid.diagnosis.found import BlindSpot
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.checks import excitation
+from motor_sysid.signals.finding import Severity
 from motor_sysid.signals.record import Record
 
 VAGUE = 0.7
@@ -73,12 +74,24 @@ def blind_spots(
     for found in (*_from_checks(records), *_from_model(model, records, vague)):
         lost = _PARAMETERS[found.code]
         parameters = tuple(n for n in lost if n in vague or found.code == 'no_current')
-        effects = tuple(k for k, one in known.items() if found.code in one.card.hidden_by)
+        effects = tuple(
+            key for key, one in known.items()
+            if found.code in one.card.hidden_by
+            and not (found.code == 'no_current' and model.admits(one))
+        )  # fmt: skip
         tail = _consequence(parameters, effects, alike=found.code in _ALIKE)
         spots.append(
             BlindSpot(found.code, parameters, effects, f'{found.words}{tail}.', found.remedy)
         )
     return tuple(spots)
+
+
+def stands_still(records: Sequence[Record]) -> bool:
+    """Whether records show one state of the motor and no more: its input never changes."""
+    return any(
+        finding.code == 'constant_input' and finding.severity is Severity.ERROR
+        for finding in excitation.check(records)
+    )
 
 
 def undetermined(model: Model, warnings: Sequence[str]) -> tuple[str, ...]:

@@ -306,9 +306,10 @@ def look_ahead(
 ) -> float | None:
     """Return how far ahead of the measured state a run may look (s), or None for freely.
 
-    A motor with back-EMF forgets its start within milliseconds.  An axis that only integrates does
-    not: a small constant error makes its position run away and hides every other effect, so it is
-    looked at over twice its slowest time constant.
+    A motor with back-EMF forgets its start within milliseconds; where no current is measured, it
+    may take a tenth of a record.  An axis that only integrates does not: a small constant error
+    makes its position run away and hides every other effect, so it is looked at over twice its
+    slowest time constant.
     """
     arrays = {name: np.array([v]) for name, v in values.items()}
     a = kind.like(arrays)[0][0]
@@ -316,7 +317,8 @@ def look_ahead(
     slowest = float(np.max(np.linalg.eigvals(a[np.ix_(inner, inner)]).real))
     time_constant = -1.0 / slowest if slowest < 0 else np.inf
     duration = max(r.duration for r in records)
-    if 'position' not in outputs and time_constant < duration / 10:
+    forgets = duration / (50 if kind.currents else 10)
+    if 'position' not in outputs and time_constant < forgets:
         return None
     dt = max(r.dt for r in records)
     return float(np.clip(2 * time_constant, 100 * dt, max(duration / 10, 100 * dt)))
