@@ -132,8 +132,7 @@ def _undrained(found: FitResult, key: str, bench: Bench) -> FitResult:
 
 def _chatters(model: Model) -> bool:
     """Whether a law of the model has a sign of current."""
-    taken = (model.kind.taking(effect(key)) for key in model.effects)
-    return any('i_eps' in one.needs() for one in taken)
+    return any('i_eps' in model.effect(key).needs() for key in model.effects)
 
 
 def slid(model: Model, weighting: Weighting, bench: Bench) -> FitResult:

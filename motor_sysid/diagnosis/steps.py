@@ -212,7 +212,7 @@ def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
 
 def _sharper(model: Model) -> Model:
     """Return the model with every smoothed sign `SHARPER` times narrower; itself without one."""
-    needed = {name for key in model.effects for name in effect(key).needs()}
+    needed = {name for key in model.effects for name in model.effect(key).needs()}
     widths = {n: model[n] / SHARPER for n in WIDTHS if n in needed and n in model.parameters}
     return model.with_values(widths) if widths else model
 

@@ -15,7 +15,7 @@ def is_other_name(one: Effect, model: Model) -> bool:
     an offset of the current makes up for the rest.
     """
     names = {one.key, *one.card.sum_of}
-    others = [effect(key) for key in model.effects if key not in names]
+    others = [model.effect(key) for key in model.effects if key not in names]
     known = any(p.name == 'current_offset' and not p.free for p in model.parameters)
     moving = any(other.needs() & MOTION for other in others)
     return not (model.kind.frame or known or moving)
