@@ -9,7 +9,7 @@ VENV := .venv
 # A sourced ROS 2 brings its own rclpy; the environment for it is another one.
 KIND := $(or $(ROS_DISTRO),wheels)
 READY := $(VENV)/.ready-$(KIND)
-LOCK := uv pip compile setup.py --universal --generate-hashes --quiet $(UPGRADE) \
+LOCK := uv pip compile setup.py --universal --generate-hashes --no-strip-extras --quiet $(UPGRADE) \
 	--custom-compile-command "make lock" --extra test --extra dev
 
 .PHONY: setup demo test test-all lint lock clean
