@@ -159,10 +159,10 @@ def test_live_estimates_are_those_of_a_replay_and_nothing_is_lost_during_refits(
     with nodes(**LOOP, identifier=identifier, recorder=parameters(path=bag)) as running:
         with Monitor() as monitor:
             monitor.wait_until_heard(lambda: None)
-            wait_for(lambda: refits() >= 1, 'a refit')
-            monitor.call('/identifier/reset', lambda: None)
-        known = refits()  # the status may be a second, two refits, old
-        wait_for(lambda: refits() >= known + 4, 'refits of the new start')
+            for _ in range(2):  # what was given before the first one may not be in the bag
+                monitor.call('/identifier/reset', lambda: None)
+                known = refits()  # the status may be a second, two refits, old
+                wait_for(lambda known=known: refits() >= known + 4, 'refits of the new start')
         for name in ('pid', 'motor', 'identifier', 'recorder'):
             assert running[name].end() == 0, running[name].output()
     assert {health[key] for key in health if key.startswith('lost')} == {'0'}
@@ -173,7 +173,7 @@ def test_live_estimates_are_those_of_a_replay_and_nothing_is_lost_during_refits(
     assert result.check is not None
     assert result.check.difference == ''
     assert result.check.compared > 5
-    assert len({event.first_stamp for event in result.estimates}) == 2, 'before and after reset'
+    assert len({event.first_stamp for event in result.estimates}) >= 2, 'before and after reset'
 
 
 def test_a_node_that_dies_is_named_with_its_last_lines(tmp_path: Path) -> None:
