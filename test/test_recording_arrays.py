@@ -35,6 +35,17 @@ def test_a_matlab_structure_without_time_becomes_a_record(tmp_path):
     assert any('no column: Ts' in finding.message for finding in loaded.findings)
 
 
+def test_cells_are_left_out_however_ragged(tmp_path):
+    path = tmp_path / 'RUN.MAT'
+    cells = np.empty(2, dtype=object)
+    cells[:] = [VOLTAGE, VOLTAGE[:7]]
+    savemat(path, {'time': TIME, 'voltage': VOLTAGE, 'speed': VOLTAGE, 'runs': cells},
+            appendmat=False)  # fmt: skip
+    loaded = load(path)
+    assert loaded.records[0].time.size == TIME.size
+    assert any('no column: runs' in finding.message for finding in loaded.findings)
+
+
 def test_matrices_that_lie_on_their_side_are_turned(tmp_path):
     path = tmp_path / 'run.mat'
     savemat(path, {'data': {'u': VOLTAGE, 'y': np.vstack([VOLTAGE, VOLTAGE])}})

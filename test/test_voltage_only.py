@@ -51,4 +51,4 @@ def test_cases_are_judged_beside_the_inductance_of_the_winding(name, seed, named
     result = one(Task(name, seed))
     assert result.error == ''
     assert (result.outcome, result.named) == (Outcome.RIGHT, named)
-    assert result.after < 1.1 * result.reference
+    assert result.after < 1.1 * result.reference, 'the reference has an inductance as well'

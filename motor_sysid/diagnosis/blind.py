@@ -86,8 +86,8 @@ def blind_spots(
     return tuple(spots)
 
 
-def stands_still(records: Sequence[Record]) -> bool:
-    """Whether records show one state of the motor and no more: its input never changes."""
+def input_is_constant(records: Sequence[Record]) -> bool:
+    """Whether the input never changes, so that one state of the motor is seen and no more."""
     return any(
         finding.code == 'constant_input' and finding.severity is Severity.ERROR
         for finding in excitation.check(records)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from motor_sysid.diagnosis.ahead import hopeful, second_of
 from motor_sysid.diagnosis.apart import Compared
-from motor_sysid.diagnosis.blind import stands_still
+from motor_sysid.diagnosis.blind import input_is_constant
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.evidence import step_of
 from motor_sysid.diagnosis.exchange import Exchange, State, state_of
@@ -276,7 +276,7 @@ class Engine:
             if key in final.model.effects
         }
         verdict = verdict_of(ladder, left, rivals, share, doubted)
-        if verdict is Verdict.COMPLETE and stands_still(self.train_records):
+        if verdict is Verdict.COMPLETE and input_is_constant(self.train_records):
             verdict = Verdict.INSUFFICIENT_DATA
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]

@@ -241,6 +241,9 @@ def gate_note(
 ) -> str:
     """Return why a refit does not pass, in plain words; empty where it does.
 
+    What every motor has need not lower the held-out error, if there is evidence of it and it does
+    no harm there: not every record shows it.
+
     Parameters
     ----------
     scored:

@@ -34,8 +34,8 @@ class ArrayTable:
     path:
         The file.
     columns:
-        Name to values (N,).  A variable is known by its name, a field of a structure by
-        ``structure.field``, a column of a matrix by ``matrix[0]``.
+        Name to values (N,), as they stand in the file.  A variable is known by its name, a field
+        of a structure by ``structure.field``, a column of a matrix by ``matrix[0]``.
     findings:
         What was left out.
     """
@@ -96,7 +96,7 @@ def read_arrays(path: Path) -> ArrayTable:
     UserError
         If it cannot be read, or holds no column of numbers.
     """
-    content = _mat(path) if path.suffix == '.mat' else _npz(path)
+    content = _mat(path) if path.suffix.lower() == '.mat' else _npz(path)
     columns: dict[str, Array] = {}
     left: list[str] = []
     for name, values in content:
@@ -109,9 +109,10 @@ def read_arrays(path: Path) -> ArrayTable:
     return ArrayTable(path, columns, _left_out(left))
 
 
-def _columns(name: str, values: object) -> dict[str, Array]:
-    """Return the columns in an array, none if it is not one of numbers."""
-    array = np.asarray(values)
+def _columns(name: str, array: object) -> dict[str, Array]:
+    """Return the columns in an array; none if it is none, as cells are, or not of numbers."""
+    if not isinstance(array, np.ndarray):
+        return {}
     if array.dtype.kind not in 'fiub' or array.size < 2 or array.ndim > 2:
         return {}
     if array.ndim == 1 or 1 in array.shape:

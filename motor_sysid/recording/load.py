@@ -102,7 +102,7 @@ def _load_bag(path: Path, config: MsgConfig, namespace: str) -> Loaded:
 
 
 def _load_table(path: Path, config: MsgConfig | None) -> Loaded:
-    table = read_arrays(path) if path.suffix in SUFFIXES else read_table(path)
+    table = read_arrays(path) if path.suffix.lower() in SUFFIXES else read_table(path)
     findings: list[Finding] = []
     if config is None:
         config, findings = config_from_headers(str(path), table.names)

@@ -7,6 +7,7 @@ side alone.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
+from motor_sysid.physics.laws import law_function
 
 CARD = Card(
     title='flexible shaft',
@@ -39,18 +40,24 @@ CARD = Card(
 )  # fmt: skip
 
 
+@law_function
+def pull(omega: float, phi: float, omega_l: float, w_a: float, z: float) -> float:
+    """Acceleration of the load by the shaft in rad/s^2."""
+    return w_a * w_a * phi + 2.0 * z * w_a * (omega - omega_l)
+
+
 def torque(
     omega: float, J: float, phi: float, omega_l: float, r: float, w_a: float, z: float
 ) -> float:
     """Torque in N m."""
-    return -r * J * (w_a * w_a * phi + 2.0 * z * w_a * (omega - omega_l))
+    return -r * J * pull(omega, phi, omega_l, w_a, z)
 
 
 def voltage_reduced(
     omega: float, k_a: float, phi: float, omega_l: float, r: float, w_a: float, z: float
 ) -> float:
     """Voltage in V."""
-    return -r * k_a * (w_a * w_a * phi + 2.0 * z * w_a * (omega - omega_l))
+    return -r * k_a * pull(omega, phi, omega_l, w_a, z)
 
 
 def rate_phi(omega: float, omega_l: float) -> float:
@@ -60,4 +67,4 @@ def rate_phi(omega: float, omega_l: float) -> float:
 
 def rate_omega_l(omega: float, phi: float, omega_l: float, w_a: float, z: float) -> float:
     """Acceleration of the load in rad/s^2."""
-    return w_a * w_a * phi + 2.0 * z * w_a * (omega - omega_l)
+    return pull(omega, phi, omega_l, w_a, z)

@@ -1,7 +1,7 @@
 """Another inertia from some time on: a load that is picked up, dropped or coupled in."""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
-from motor_sysid.physics.laws import smooth_step
+from motor_sysid.physics.laws import law_function, smooth_step
 
 CARD = Card(
     title='inertia change',
@@ -23,15 +23,19 @@ CARD = Card(
 )  # fmt: skip
 
 
+@law_function
+def joined(t: float, g: float, t_on: float, rise: float) -> float:
+    """Inertia that has come on, over the one before."""
+    return g / (1.0 + 0.5 * (abs(g) - g)) * smooth_step(t - t_on, rise)
+
+
 def torque(domega: float, t: float, J: float, g: float, t_on: float, rise: float) -> float:
     """Torque in N m."""
-    change = g / (1.0 + 0.5 * (abs(g) - g))
-    return -J * change * smooth_step(t - t_on, rise) * domega
+    return -J * joined(t, g, t_on, rise) * domega
 
 
 def voltage_reduced(
     domega: float, t: float, k_a: float, g: float, t_on: float, rise: float
 ) -> float:
     """Voltage in V."""
-    change = g / (1.0 + 0.5 * (abs(g) - g))
-    return -k_a * change * smooth_step(t - t_on, rise) * domega
+    return -k_a * joined(t, g, t_on, rise) * domega
