@@ -1,5 +1,6 @@
 """`motor-sysid check` and the command line around it: words, exit codes, JSON, no tracebacks."""
 
+import argparse
 import importlib.util
 import json
 from pathlib import Path
@@ -12,7 +13,7 @@ from recording_tools import motor_record, motor_topics, write_bag
 
 from motor_sysid import __version__
 from motor_sysid.cli import main, VERBS
-from motor_sysid.cli.common import load_data
+from motor_sysid.cli.common import add_data_arguments, load_data
 from motor_sysid.errors import UserError
 from motor_sysid.recording.save import write_record
 
@@ -170,3 +171,13 @@ def test_tables_on_a_terminal(good: Path, monkeypatch: pytest.MonkeyPatch,
     text = capsys.readouterr().out
     assert 'what to do' in text
     assert 'speed [rad/s]' in text
+
+
+def test_an_option_that_is_given_twice_keeps_both(tmp_path):
+    first, second = tmp_path / 'a.csv', tmp_path / 'b.csv'
+    parser = argparse.ArgumentParser()
+    add_data_arguments(parser, validate=True)
+    for given in (['--validate', first, '--validate', second], ['--validate', first, second]):
+        args = parser.parse_args(['train.csv', *map(str, given)])
+        assert args.validate == [first, second]
+    assert parser.parse_args(['train.csv']).validate == []

@@ -40,7 +40,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     parser.add_argument('--motor', metavar='KIND', help='motor kind; default: what the data allow')
     parser.add_argument(
-        '--effects', nargs='+', metavar='EFFECT', help='look only for these; default: all'
+        '--effects', nargs='+', action='extend', metavar='EFFECT',
+        help='look only for these; default: all',
     )
     parser.add_argument(
         '--runs', type=int, default=300, metavar='N', help='complete-model runs (default: 300)'

@@ -22,7 +22,7 @@ def add_data_arguments(parser: argparse.ArgumentParser, *, validate: bool = Fals
     add_reading_arguments(parser)
     if validate:
         parser.add_argument(
-            '--validate', nargs='+', default=[], type=Path, metavar='DATA',
+            '--validate', nargs='+', action='extend', default=[], type=Path, metavar='DATA',
             help='recordings to judge on; default: the last part of each DATA is held back',
         )  # fmt: skip
         parser.add_argument(

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='brushed_dc on a voltage, pmsm under field-oriented control, bldc in six steps',
     )  # fmt: skip
     parser.add_argument(
-        '--hide', nargs='+', metavar='EFFECT',
+        '--hide', nargs='+', action='extend', metavar='EFFECT',
         help='effects that the motor has and its model lacks (default: coulomb_friction '
         'cogging_torque)',
     )  # fmt: skip

@@ -32,7 +32,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--nominal', type=Path, metavar='DATASHEET', help='data sheet (YAML) with nominal values'
     )
     parser.add_argument(
-        '--effects', nargs='+', metavar='EFFECT', help='try only these; default: the catalogue'
+        '--effects', nargs='+', action='extend', metavar='EFFECT',
+        help='try only these; default: the catalogue',
     )
     parser.add_argument(
         '--max-effects', type=int, default=4, metavar='N', help='most to add (default: 4)'

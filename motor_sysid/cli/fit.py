@@ -30,7 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--motor', metavar='KIND', help='motor kind; default: what the data allow')
     parser.add_argument('--nominal', type=Path, metavar='DATASHEET', help='nominal values (YAML)')
     parser.add_argument(
-        '--effect', nargs='+', default=[], metavar='EFFECT', help='effects to fit as well'
+        '--effect', nargs='+', action='extend', default=[], metavar='EFFECT',
+        help='effects to fit as well',
     )
     parser.add_argument(
         '--method', default='least_squares', metavar='NAME',
@@ -43,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'several times (docs/transfer.md)',
     )  # fmt: skip
     parser.add_argument(
-        '--spread', nargs='+', default=[], metavar='SPREAD',
+        '--spread', nargs='+', action='extend', default=[], metavar='SPREAD',
         help='how far motors of this type differ, with --prior: 0.1 for 10 %% (the default) in '
         'all parameters, b=0.5 for one of them',
     )  # fmt: skip

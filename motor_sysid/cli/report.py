@@ -27,7 +27,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         'then what the model lacks on them is found first',
     )  # fmt: skip
     parser.add_argument(
-        '--validate', nargs='+', default=[], metavar='DATA', type=Path,
+        '--validate', nargs='+', action='extend', default=[], metavar='DATA', type=Path,
         help='recordings to judge on; default: the last part of each DATA is held back',
     )  # fmt: skip
     parser.add_argument(

@@ -53,11 +53,11 @@ def _add_plant_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--motor', default='brushed_dc', metavar='KIND', help='without MODEL')
     parser.add_argument('--linear', action='store_true', help='a linear axis, without MODEL')
     parser.add_argument(
-        '--effect', nargs='+', default=[], metavar='EFFECT',
+        '--effect', nargs='+', action='extend', default=[], metavar='EFFECT',
         help='effects to add, of a plausible size unless set',
     )  # fmt: skip
     parser.add_argument(
-        '--set', nargs='+', default=[], metavar='NAME=VALUE',
+        '--set', nargs='+', action='extend', default=[], metavar='NAME=VALUE',
         help='parameters in SI units: R=1.2 coulomb_friction.tau_c=0.01',
     )  # fmt: skip
     parser.add_argument(

@@ -31,14 +31,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     asked = parser.add_argument_group('what is open (default: what a diagnosis of DATA leaves)')
     one = asked.add_mutually_exclusive_group()
     one.add_argument(
-        '--rivals', nargs='+', default=[], metavar='EFFECTS',
+        '--rivals', nargs='+', action='extend', default=[], metavar='EFFECTS',
         help='effects to tell apart; A+B belong together, `none` is the model as it is',
     )  # fmt: skip
     one.add_argument(
         '--diagnosis', type=Path, metavar='JSON', help='a diagnosis that names the rivals'
     )
     one.add_argument(
-        '--parameters', nargs='+', default=[], metavar='NAME', help='parameters to determine'
+        '--parameters', nargs='+', action='extend', default=[], metavar='NAME',
+        help='parameters to determine',
     )
     _add_limits(parser)
     parser.add_argument(
