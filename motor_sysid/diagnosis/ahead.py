@@ -16,6 +16,7 @@ from motor_sysid.diagnosis.gate import (
     MIN_STEADY,
     steadiness,
     SURE,
+    TAKES_OVER,
 )
 from motor_sysid.diagnosis.rung import Rung
 from motor_sysid.diagnosis.trial import Trial
@@ -26,9 +27,12 @@ STEPS = 2
 
 
 def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
-    """Return the trials, best first, with overwhelming evidence that only held-out data refuse."""
+    """Return the trials, best first, with overwhelming evidence that only held-out data refuse.
+
+    Or that leave nothing of a parameter of the motor: a load that is still missing may do that.
+    """
     sure = [t for t in trials if t.delta_bic > SURE * threshold]
-    found = [t for t in sure if t.note.startswith(HELD_BACK)]
+    found = [t for t in sure if t.note.startswith(HELD_BACK) or t.note.endswith(TAKES_OVER)]
     return sorted(found, key=lambda t: -t.delta_bic)[:STEPS]
 
 

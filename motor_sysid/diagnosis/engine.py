@@ -17,6 +17,7 @@ from motor_sysid.diagnosis.polish import polish
 from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.retold import Ladder, retold
 from motor_sysid.diagnosis.rounds import (
     accounted,
     explains,
@@ -43,6 +44,7 @@ from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
+from motor_sysid.diagnosis.twosome import best_twosome
 from motor_sysid.diagnosis.verdict import (
     doubts,
     holds_its_own,
@@ -57,6 +59,7 @@ from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 
 Progress = Callable[[str], None]
+Rivals = dict[str, tuple[str, ...]]
 
 
 class Engine:
@@ -82,16 +85,39 @@ class Engine:
         ]
 
     def run(self, rung: Rung) -> Diagnosis:
-        """Climb until nothing helps.
+        """Climb until nothing helps; begin again with two effects where that leads nowhere.
 
         A motor with laws of its own is followed in fine enough steps from the start: what steps do
         wrong would look like whatever takes finer ones.
         """
         if rung.model.kind.own:
             rung, self.bench = refined(rung, self.bench)
-        ladder: list[tuple[Rung, list[Trial]]] = []
-        rivals: dict[str, tuple[str, ...]] = {}
-        start, reconsidered = rung.model.effects, False
+        bench = self.bench
+        ladder, rivals = self.climb([], rung)
+        begun = ladder[:1]
+        found = self.finish(ladder, rivals)
+        if found.verdict is not Verdict.UNKNOWN_EFFECT:
+            return found
+        self.bench, base = bench, begun[0][0]
+        pair = best_twosome(base, self.seen[state_of(base.model)][1], bench, self.tell)
+        if pair is None:
+            return found
+        rung, gain = pair
+        own = [key for key in rung.model.effects if key not in base.model.effects]
+        self.gains, self.notes = dict.fromkeys(own, gain), []
+        again = self.finish(*self.climb(begun, self.refine(rung)))
+        return again if again.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS) else found
+
+    def climb(self, begun: Ladder, rung: Rung) -> tuple[Ladder, Rivals]:
+        """Add effects one by one to a fit until nothing helps, on top of a ladder `begun`.
+
+        Returns
+        -------
+        What was fitted, each with what was tried on it, and who does as well as each effect.
+        """
+        ladder, rivals = list(begun), Rivals()
+        start = ladder[0][0].model.effects if ladder else rung.model.effects
+        reconsidered = False
         for _ in range(2 * self.settings.max_effects + 2):
             rung, trials = self.round(rung, ladder[0][0] if ladder else None)
             if ladder and ladder[-1][0].model.effects == rung.model.effects:
@@ -126,10 +152,15 @@ class Engine:
             best = winner.rung if worse or vanished(best.model, winner.key) else best
             best = pruned(best, self.bench, self.gains, self.tell)
             rung = self.refine(best)
+        return ladder, rivals
+
+    def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:
+        """Fit what a climb came to exactly, and give the verdict."""
+        start = ladder[0][0].model.effects
         self.settle(ladder, start)
         return self.conclude(ladder, rivals, doubted=self.doubted(ladder, start))
 
-    def doubted(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> bool:
+    def doubted(self, ladder: Ladder, start: Sequence[str]) -> bool:
         """Whether others explain too much on top of all effects; if of the last alone, it goes."""
         (base, first), (last, trials) = ladder[0], ladder[-1]
         own = {key: gain for key, gain in self.gains.items() if key in last.model.effects}
@@ -197,7 +228,7 @@ class Engine:
         rung: Rung,
         trials: Sequence[Trial],
         base: Rung,
-        rivals: dict[str, tuple[str, ...]],
+        rivals: Rivals,
     ) -> tuple[Rung, list[Trial]] | None:
         """Return a fit with an effect that does not pass alone, and what passes on top of it.
 
@@ -219,7 +250,7 @@ class Engine:
                 return fitted, [replace(t, note='') if t is second else t for t in further]
         return None
 
-    def settle(self, ladder: list[tuple[Rung, list[Trial]]], start: Sequence[str]) -> None:
+    def settle(self, ladder: Ladder, start: Sequence[str]) -> None:
         """Fit the last model exactly, and take back what then cannot be told from nothing."""
         while len(ladder) > 1:
             rung, trials = ladder[-1]
@@ -260,13 +291,15 @@ class Engine:
 
     def conclude(
         self,
-        ladder: list[tuple[Rung, list[Trial]]],
-        rivals: dict[str, tuple[str, ...]],
+        ladder: Ladder,
+        rivals: Rivals,
         *,
         doubted: bool = False,
     ) -> Diagnosis:
         """Give the verdict on a finished ladder."""
         ladder = straightened(ladder, self.bench.threshold)
+        scored = (one for _, scores in self.seen.values() for one in scores.singles)
+        ladder = retold(ladder, self.bench, self.weighting(ladder[-1][0]), scored)
         share = self.accounted(ladder)
         final = ladder[-1][0]
         left = self.remainder(final)

@@ -47,6 +47,9 @@ UNCERTAIN = 'its size cannot be told from nothing'
 INEXACT = 'could be what laws and integration of the model have not right to the last detail'
 TOO_LITTLE = 'lowers the held-out error by'
 UNSTEADY = 'helps in some of the held-out data and harms in other'
+TAKES_OVER = 'would be nothing with it'
+"""How the note ends of an effect that takes the place of a parameter of the motor."""
+
 HELD_BACK = (TOO_LITTLE, UNSTEADY)
 """How notes begin that keep an effect out which the training data speak for."""
 
@@ -283,7 +286,7 @@ def gate_note(
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
     if lost := gone(new.model, old.model):
-        return f'{lost} would be nothing with it'
+        return f'{lost} {TAKES_OVER}'
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
     trifling = scored.variant.inherits and not mends

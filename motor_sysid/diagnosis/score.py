@@ -27,8 +27,8 @@ AR_ORDER = 12
 NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
 """Rows of long records that the noise model is fitted to, and the windows that they are in."""
 
-EACH, PAIRS = 3, 3
-"""Variants of each effect that are paired with others; pairs that are told."""
+EACH, PAIRS = 3, 6
+"""Variants of each effect that are paired with others; pairs of effects that are told."""
 
 BEYOND = 1e-3
 """Part of a column that base parameters cannot mimic below which it counts as nothing."""
@@ -83,8 +83,8 @@ class Scores:
     singles:
         Variants, best first.
     pairs:
-        The best pairs of variants of two effects that have nothing to do with each other, best
-        first, each with the amplitudes that the two have together.
+        The best pairs of two effects that have nothing to do with each other, best first, each in
+        its best variants and with the amplitudes that the two have together.
     weighting:
         The noise model that the whole dictionary leaves.
     """
@@ -301,7 +301,7 @@ def best_pairs(
         return []
     both, gains = _together([parts[k] for k in chosen], may, left)
     price = np.array([scored[k].gain - scored[k].delta_bic for k in chosen])
-    pairs: list[tuple[Scored, Scored]] = []
+    pairs: dict[frozenset[str], tuple[Scored, Scored]] = {}
     for n in np.argsort(price[may].sum(axis=1) - gains):
         first, second = (
             _with_amplitudes(
@@ -309,11 +309,12 @@ def best_pairs(
             )
             for place, own in zip(may[n], both[n], strict=True)
         )
+        keys = frozenset((first.variant.effect.key, second.variant.effect.key))
         if first.allowed and second.allowed:
-            pairs.append((first, second))
+            pairs.setdefault(keys, (first, second))
         if len(pairs) == PAIRS:
             break
-    return pairs
+    return list(pairs.values())
 
 
 def _together(
