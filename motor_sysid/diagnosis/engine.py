@@ -178,38 +178,45 @@ class Engine:
         self.settle(ladder, start)
         return False
 
-    def round(self, rung: Rung, base: Rung | None) -> tuple[Rung, list[Trial]]:
+    def round(
+        self, rung: Rung, base: Rung | None, *, thorough: bool = True
+    ) -> tuple[Rung, list[Trial]]:
         """Score every candidate and refit the best; return what they were added to, and them.
 
-        `base` is the fit without effects, once there are some.  Another speed sensor that held-out
-        data speak against (where much is missing, the noise model knows little of what is noise)
-        is taken only where nothing helps with this one, and something with the other helps more
-        than that sensor alone does harm.
+        `base` is the fit without effects, once there are some; `thorough` as in `refitted`.
+        Another speed sensor that held-out data speak against (where much is missing, the noise
+        model knows little of what is noise) is taken only where nothing helps with this one, and
+        something with the other helps more than that sensor alone does harm.
         """
         scores = self.score(rung)
         other = with_better_sensor(rung, self.bench, scores.weighting)
         doubtful = other.held.error_percent > SPOILED * rung.held.error_percent
         if other is not rung and not doubtful:
             rung, scores = self.seen_by(other)
-        trials = self.refits(scores, rung, base)
+        trials = self.refits(scores, rung, base, thorough)
         better = led_back(trials, rung, self.bench, scores.weighting)
         if better is not rung:
             self.tell('the fit had gone astray: beginning again where a trial ended')
             rung = better
-            trials = self.refits(self.score(better), better, base)
+            trials = self.refits(self.score(better), better, base, thorough)
         if doubtful and not any(t.passes for t in trials):
             other, scores = self.seen_by(other)
-            further = self.refits(scores, other, base)
+            further = self.refits(scores, other, base, thorough)
             least = (1 - MIN_FURTHER_GAIN_PERCENT / 100) * rung.held.error_percent
             if any(t.passes and t.rung.held.error_percent < least for t in further):
                 rung, trials = other, further
         self.tried[state_of(rung.model)] = trials
         return rung, trials
 
-    def refits(self, scores: Scores, rung: Rung, base: Rung | None) -> list[Trial]:
+    def refits(
+        self, scores: Scores, rung: Rung, base: Rung | None, thorough: bool
+    ) -> list[Trial]:
         """Refit the best candidates on a fitted model; see `round`."""
         earlier = tried_instead(rung, (t for trials in self.tried.values() for t in trials))
-        return refitted(scores, rung, self.bench, self.settings.refits, self.tell, base, earlier)
+        return refitted(
+            scores, rung, self.bench, self.settings.refits, self.tell, base, earlier,
+            thorough=thorough,
+        )  # fmt: skip
 
     def seen_by(self, rung: Rung) -> tuple[Rung, Scores]:
         """Score every candidate on a fit with another speed sensor."""
@@ -242,7 +249,7 @@ class Engine:
         for k, first in enumerate(possible):
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
             fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
-            fitted, further = self.round(fitted, base)
+            fitted, further = self.round(fitted, base, thorough=False)
             second = second_of(further, rung)
             if second is not None:
                 self.gains[first.key] = first.delta_bic

@@ -39,6 +39,9 @@ ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
 
+THOROUGH_STEPS, REWEIGHT = 30, 3
+"""Most steps of such a fit for each noise model, and noise models, where all seems lost."""
+
 WIDE = (100.0, 10.0)
 """How much wider a sign of current is, one after the other, where a fit begins as well.
 
@@ -184,9 +187,8 @@ def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
     size = model.parameters[f'{key}.{first.name}']
     usual = min(USUAL * bench.scales.size(first.scale), size.upper)
     more = min(size.value, -usual) if size.value < 0.0 else max(size.value, usual)
-    some = replace(bench, substeps=min(bench.substeps, FINER))
     fits = [
-        fit(some.problem(one.with_values(blunt)))
+        rough_fit(one.with_values(blunt), None, bench, THOROUGH_STEPS, reweight=REWEIGHT)
         for one in (model, model.with_values({size.name: more}))
     ]
     best = min(fits, key=misfit)
@@ -205,7 +207,7 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
 
 def rough_fit(
     model: Model,
-    weighting: Weighting,
+    weighting: Weighting | None,
     bench: Bench,
     steps: int,
     *,
@@ -214,6 +216,7 @@ def rough_fit(
 ) -> FitResult:
     """Fit a model to some of the data; to all, where an effect remembers for long.
 
+    Without a `weighting` it begins with noise as large as the signals.
     What steps finer than `finest` to a sample tell is left to the judgement of the fit.
     """
     chains, substeps = some_of(bench, model), min(bench.substeps, finest)

@@ -108,11 +108,14 @@ def refitted(
     tell: Tell,
     base: Rung | None = None,
     earlier: Mapping[str, Model] | None = None,
+    *,
+    thorough: bool = True,
 ) -> list[Trial]:
     """Refit at most `limit` effects, best score first, and then special cases of those.
 
     `base` is the fit of the model that had no effects yet; `earlier` are models in which an effect
-    was tried in place of one of the model's, to begin from there as well.
+    was tried in place of one of the model's, to begin from there as well.  Where nothing helps and
+    much is left, more effects are tried, and in full, if the round is to be `thorough`.
 
     Returns
     -------
@@ -143,7 +146,7 @@ def refitted(
         trials = list(pool.map(roughly, chosen))
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
-        if not helps(trials) and is_lost(rung, bench, base):
+        if thorough and not helps(trials) and is_lost(rung, bench, base):
             further = passed_over(scores, {trial.key for trial in trials})
             further = further if base is None else further[:limit]
             tell(f'nothing helps, and much is left: trying {len(further)} effects more')

@@ -57,7 +57,7 @@ def best_twosome(
 
 
 def _stands(rung: Rung, base: Rung) -> bool:
-    """Whether a fit lowers the held-out error enough, and steadily, and takes no parameter away."""
+    """Whether a fit lowers the held-out error enough and steadily, and no parameter goes."""
     gain = 100 * (1 - combined_error(rung.held, base.held))
     steady = steadiness(base.held, rung.held) > MIN_STEADY
     return gain > MIN_FURTHER_GAIN_PERCENT and steady and not gone(rung.model, base.model)

@@ -1,7 +1,6 @@
 """The only integrator: single runs, populations and sensitivities through one kernel."""
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from itertools import chain, zip_longest
 
 import numpy as np
@@ -27,6 +26,7 @@ from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.pace import Pace
 from motor_sysid.physics.side_by_side import run_side_by_side
+from motor_sysid.physics.threads import shared
 from motor_sysid.physics.workspace import (
     coarse_and_fine,
     delays,
@@ -262,8 +262,7 @@ class Program:
         stretches = halves(lengths, apart if threads > len(blocks) else ())
         tasks = [(block, some) for block in blocks for some in stretches]
         if min(threads, len(tasks)) > 1:
-            with ThreadPoolExecutor(threads) as pool:
-                parts = list(pool.map(one, tasks))
+            parts = list(shared(threads).map(one, tasks))
         else:
             parts = [one(task) for task in tasks]
         several = len(stretches)

@@ -7,7 +7,6 @@ that much earlier, at rest.  Where two pieces meet they must agree; otherwise no
 """
 
 from collections.abc import Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
@@ -17,6 +16,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.native import LANES
+from motor_sysid.physics.threads import shared
 
 if TYPE_CHECKING:
     from motor_sysid.physics.rollout import Program
@@ -94,8 +94,7 @@ def run_side_by_side(
     def one(pack: Sequence[Piece]) -> Array:
         return _run_pack(program, table, (whole, rows), drives, states, pack, cut)
 
-    with ThreadPoolExecutor(threads) as pool:
-        runs = list(pool.map(one, packs))
+    runs = list(shared(threads).map(one, packs))
     size = table.shape[1]
     found = {
         (piece.stretch, piece.kept): (piece, run[: len(piece), :, k * size : (k + 1) * size])
