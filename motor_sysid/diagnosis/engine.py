@@ -48,6 +48,7 @@ from motor_sysid.diagnosis.twosome import best_twosome
 from motor_sysid.diagnosis.verdict import (
     doubts,
     holds_its_own,
+    is_last_outweighed,
     may_rival,
     rivals_of,
     verdict_of,
@@ -155,10 +156,27 @@ class Engine:
         return ladder, rivals
 
     def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:
-        """Fit what a climb came to exactly, and give the verdict."""
+        """Fit what a climb came to exactly, and give the verdict.
+
+        The last of several effects goes if more is left than it takes away.
+        """
         start = ladder[0][0].model.effects
         self.settle(ladder, start)
-        return self.conclude(ladder, rivals, doubted=self.doubted(ladder, start))
+        doubted = self.doubted(ladder, start)
+        left = self.remainder(ladder[-1][0])
+        while is_last_outweighed(ladder, left):
+            self.take_back(ladder, start)
+            left = self.remainder(ladder[-1][0])
+        return self.conclude(ladder, rivals, left, doubted=doubted)
+
+    def take_back(self, ladder: Ladder, start: Sequence[str]) -> None:
+        """Take back the last effect of several, and say so."""
+        last = ladder.pop()[0].model.effects[-1]
+        self.notes.append(
+            f'{effect(last).card.title} would explain a part of what remains, but not enough to '
+            'be named: something else is missing, too'
+        )
+        self.settle(ladder, start)
 
     def doubted(self, ladder: Ladder, start: Sequence[str]) -> bool:
         """Whether others explain too much on top of all effects; if of the last alone, it goes."""
@@ -170,12 +188,7 @@ class Engine:
         further = len(last.model.effects) > len(start) + 1 and last.model.effects[-1] in found
         if not further or holds_its_own(last, ladder[-2][0], trials):
             return len(found) == len(own) > 0
-        ladder.pop()
-        self.notes.append(
-            f'{effect(last.model.effects[-1]).card.title} would explain a part of what '
-            'remains, but not enough to be named: something else is missing, too'
-        )
-        self.settle(ladder, start)
+        self.take_back(ladder, start)
         return False
 
     def round(
@@ -300,16 +313,16 @@ class Engine:
         self,
         ladder: Ladder,
         rivals: Rivals,
+        left: Remainder,
         *,
         doubted: bool = False,
     ) -> Diagnosis:
-        """Give the verdict on a finished ladder."""
+        """Give the verdict on a finished ladder and what its last model has `left`."""
         ladder = straightened(ladder, self.bench.threshold)
         scored = (one for _, scores in self.seen.values() for one in scores.singles)
         ladder = retold(ladder, self.bench, self.weighting(ladder[-1][0]), scored)
         share = self.accounted(ladder)
         final = ladder[-1][0]
-        left = self.remainder(final)
         rivals = {
             key: tuple(r for r in names if r not in final.model.effects)
             for key, names in rivals.items()

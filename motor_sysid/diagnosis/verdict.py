@@ -213,15 +213,29 @@ def _vague(rung: Rung) -> int:
     return max(len(base) - 1, min(len(said), len(base)))
 
 
-def _least_drop(ladder: Sequence[tuple[Rung, list[Trial]]]) -> float:
-    """Return the least decrease of the squared held-out error, %^2, by any effect of several."""
+def _drops(ladder: Sequence[tuple[Rung, list[Trial]]]) -> list[float]:
+    """Return the decrease of the squared held-out error by each of several effects, %^2."""
     rungs = [rung for rung, _ in ladder]
     drops = [
         before.held.error_percent**2 - after.held.error_percent**2
         for before, after in pairwise(rungs)
         if set(before.model.effects) < set(after.model.effects)
     ]
-    return min(drops) if len(drops) > 1 else np.inf
+    return drops if len(drops) > 1 else []
+
+
+def _outweighs(left: Remainder, final: Rung, drop: float) -> bool:
+    """Whether more is left for certain, and of a shape, than an effect took away, %^2."""
+    return left.structured and left.share * final.held.error_percent**2 > drop
+
+
+def is_last_outweighed(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> bool:
+    """Whether the last of several effects alone takes away less than what is left."""
+    *others, last = _drops(ladder) or [np.inf]
+    if not others or ladder[-1][0].model.effects[:-1] != ladder[-2][0].model.effects:
+        return False
+    final = ladder[-1][0]
+    return _outweighs(left, final, last) and not _outweighs(left, final, min(others))
 
 
 def verdict_of(
@@ -260,7 +274,7 @@ def verdict_of(
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
     if doubted and not structured and trifle:
         return Verdict.COMPLETE
-    outweighed = structured and left.share * after > _least_drop(ladder)
+    outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
     if (structured and explained < EXPLAINED) or outweighed or doubted:
         return Verdict.UNKNOWN_EFFECT
     several = len(final.model.effects) > len(base.model.effects) + 1
