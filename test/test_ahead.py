@@ -9,7 +9,7 @@ from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Settings, Verdict
 from motor_sysid.diagnosis.ahead import hopeful, second_of, stands, STEPS
-from motor_sysid.diagnosis.gate import TOO_LITTLE, UNPHYSICAL, UNSTEADY
+from motor_sysid.diagnosis.gate import TAKES_OVER, TOO_LITTLE, UNPHYSICAL, UNSTEADY
 from motor_sysid.physics.effects import effect
 
 THRESHOLD = 20.0
@@ -34,6 +34,11 @@ def test_only_what_held_out_data_alone_refuse_is_looked_beyond():
     others = [trial(1e6, UNPHYSICAL), trial(1e6, ''), trial(10.0)]
     assert hopeful([third, *others, second, best], THRESHOLD) == [best, second][:STEPS]
     assert hopeful(others, THRESHOLD) == []
+
+
+def test_a_friction_may_be_nothing_for_want_of_a_load():
+    friction = trial(9e4, f'b (viscous friction) {TAKES_OVER}')
+    assert hopeful([friction], THRESHOLD) == [friction]
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,6 @@
 """One contract over the whole catalogue of effects."""
 
+from importlib import import_module
 import inspect
 
 import numpy as np
@@ -337,3 +338,14 @@ def test_an_unknown_argument_of_a_law_is_an_error_when_loaded(tmp_path):
             Model.base('brushed_dc').with_effect('asks_too_much')
     finally:
         catalogue().pop('asks_too_much', None)
+
+
+def test_teeth_push_and_never_pull():
+    """Where they part fast, damping would hold them back; in the gap nothing acts at all."""
+    push = import_module('motor_sysid.physics.effects.backlash').push
+    shape = {'phi_g': 0.01, 'w_a': 500.0, 'z': 0.5}
+    assert push(0.0, 0.012, 0.0, **shape) == pytest.approx(500.0**2 * 0.002)
+    assert push(-1000.0, 0.012, 0.0, **shape) == 0.0
+    assert push(1000.0, -0.012, 0.0, **shape) == 0.0
+    assert push(-1000.0, -0.012, 0.0, **shape) < -(500.0**2) * 0.002
+    assert push(1000.0, 0.009, 0.0, **shape) == 0.0

@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.trial import searching, Trial
 from motor_sysid.diagnosis.verdict import (
     doubts,
     holds_its_own,
+    is_last_outweighed,
     may_rival,
     rivals_of,
     verdict_of,
@@ -350,6 +351,19 @@ def test_of_several_effects_none_may_take_away_less_than_what_is_left(last, said
     assert verdict(*steps, left=left) is said
     noise = Remainder({}, FLOOR, last, 1.1, 0.9)
     assert verdict(*steps, left=noise) is Verdict.EFFECT_MISSING
+
+
+def test_the_last_of_several_goes_alone_if_it_alone_takes_away_less_than_what_is_left():
+    left = Remainder({}, FLOOR, 4.5, 4.5, 0.9)
+    base, one = (rung(40.0), []), (rung(6.0, effects=('a',)), [])
+    ladder = [base, one, (rung(4.5, effects=('a', 'b')), [])]
+    assert is_last_outweighed(ladder, left)
+    assert not is_last_outweighed(ladder, Remainder({}, FLOOR, 4.5, 1.1, 0.9))
+    assert not is_last_outweighed(ladder[:2], left)
+    little = (rung(39.9, effects=('a',)), [])
+    assert not is_last_outweighed([base, little, ladder[-1]], left)
+    both = [(rung(6.1), []), (rung(6.0, effects=('a',)), []), (rung(5.9, effects=('a', 'b')), [])]
+    assert not is_last_outweighed(both, Remainder({}, FLOOR, 5.9, 5.9, 0.9))
 
 
 def test_what_took_the_place_of_another_took_nothing_away_itself():

@@ -44,7 +44,7 @@ from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
-from motor_sysid.diagnosis.twosome import best_twosome
+from motor_sysid.diagnosis.twosome import best_twosome, TWO
 from motor_sysid.diagnosis.verdict import (
     doubts,
     holds_its_own,
@@ -97,7 +97,7 @@ class Engine:
         ladder, rivals = self.climb([], rung)
         begun = ladder[:1]
         found = self.finish(ladder, rivals)
-        if found.verdict is not Verdict.UNKNOWN_EFFECT:
+        if found.verdict is not Verdict.UNKNOWN_EFFECT or self.settings.max_effects < TWO:
             return found
         self.bench, base = bench, begun[0][0]
         pair = best_twosome(base, self.seen[state_of(base.model)][1], bench, self.tell)

@@ -14,9 +14,7 @@ from motor_sysid.physics.effects import effect
 Ladder = list[tuple[Rung, list[Trial]]]
 
 
-def retold(
-    ladder: Ladder, bench: Bench, weighting: Weighting, scored: Iterable[Scored]
-) -> Ladder:
+def retold(ladder: Ladder, bench: Bench, weighting: Weighting, scored: Iterable[Scored]) -> Ladder:
     """Return a ladder to the same model on which each rung has one effect more than the last.
 
     One that is like that already stays as it is.  Otherwise effects are taken off the last model,

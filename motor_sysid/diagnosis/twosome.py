@@ -25,6 +25,9 @@ from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level
 from motor_sysid.diagnosis.verdict import AT_NOISE
 
+TWO = 2
+"""Effects that are added at once."""
+
 Pair = tuple[Scored, Scored]
 
 

@@ -1,0 +1,77 @@
+"""Two effects at once, where single ones lead nowhere, and ladders told one effect at a time."""
+
+from importlib import import_module
+
+from bench_motor import records
+import pytest
+from test_trials import prepared
+
+from motor_sysid.benchmark.cases import draw
+from motor_sysid.benchmark.scenarios import named_case
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.retold import retold
+from motor_sysid.diagnosis.rounds import scored
+from motor_sysid.diagnosis.rung import climb
+from motor_sysid.diagnosis.twosome import best_twosome
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import SpeedSensor
+
+HIDDEN = {'coulomb_friction': {'tau_c': 6e-3}, 'brush_voltage_drop': {'v_b': 0.5}}
+FEW = (*HIDDEN, 'quadratic_drag', 'iron_loss')
+
+
+def test_a_pair_is_found_where_the_best_single_effect_is_none_of_it(monkeypatch):
+    """A load explains most alone, and hides an offset of the speed sensor."""
+    engine, pairs = import_module('motor_sysid.diagnosis.engine'), []
+    monkeypatch.setattr(
+        engine, 'best_twosome', lambda *given: pairs.append(best_twosome(*given)) or pairs[-1]
+    )
+    scenario, number = named_case('pair/asymmetric_coulomb_friction+speed_sensor_offset/3/0')
+    case = draw(scenario, 2040, number)
+    found = diagnose(case.train, case.valid, motor='brushed_dc')
+    assert len(pairs) == 1
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert set(found.effects) == {'asymmetric_coulomb_friction', 'speed_sensor_offset'}
+    assert [len(step.model.effects) for step in found.steps] == [0, 1, 2]
+
+
+def base_of(hidden, offered=FEW):
+    """Return the bench of a motor, its linear model fitted, and the scores of some effects."""
+    data = records(hidden, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, base = prepared(data, SpeedSensor.DIFFERENCE)
+    candidates = [effect(key) for key in offered]
+    return bench, base, scored(base, bench, candidates, lambda text: None)
+
+
+def test_a_twosome_leaves_nothing_but_noise():
+    bench, base, scores = base_of(HIDDEN)
+    rung, gain = best_twosome(base, scores, bench, lambda text: None)
+    assert set(rung.model.effects) == set(HIDDEN)
+    assert rung.model['brush_voltage_drop.v_b'] == pytest.approx(0.5, rel=0.02)
+    assert gain > bench.threshold
+    bench, base, scores = base_of(HIDDEN, ('quadratic_drag', 'iron_loss', 'brush_voltage_drop'))
+    assert best_twosome(base, scores, bench, lambda text: None) is None
+
+
+def test_of_a_complete_motor_there_is_no_twosome():
+    bench, base, scores = base_of({})
+    assert best_twosome(base, scores, bench, lambda text: None) is None
+
+
+def test_a_ladder_that_took_two_steps_at_once_is_told_one_by_one():
+    bench, base, scores = base_of(HIDDEN)
+    both = base.model
+    for key, values in HIDDEN.items():
+        both = both.with_effect(key, values, bench.scales)
+    final = climb(both, bench)
+    ladder = [(base, []), (final, [])]
+    told = retold(ladder, bench, scores.weighting, scores.singles)
+    assert [set(rung.model.effects) for rung, _ in told] == [
+        set(), {'brush_voltage_drop'}, set(HIDDEN)
+    ]  # fmt: skip
+    assert [trials[0].key for _, trials in told[:-1]] == ['brush_voltage_drop', 'coulomb_friction']
+    assert all(trials[0].passes and trials[0].delta_bic > 20.0 for _, trials in told[:-1])
+    assert told[-1][0] is final
+    assert retold(told, bench, scores.weighting, scores.singles) is told
+    unscored = [s for s in scores.singles if s.variant.effect.key != 'coulomb_friction']
+    assert retold(ladder, bench, scores.weighting, unscored) is ladder
