@@ -114,6 +114,32 @@ def test_spoilt_data_is_noticed(case: str) -> None:
             require_usable(findings.values())
 
 
+def logged(count: int, early: bool, gain: float = 0.0) -> Record:
+    """Return speed counts of a motor of 28 ms at 50 Hz; with a gain its speed is controlled.
+
+    Early: the voltage of each row is the one that was applied before the speed was read.
+    """
+    rng = np.random.default_rng(11)
+    wanted = np.repeat(rng.uniform(-9, 9, 1 + count // 20), 20)[:count]
+    volts, speeds, speed = np.zeros(count), np.zeros(count), 0.0
+    pole = np.exp(-0.02 / 0.028)
+    for k in range(count):
+        speeds[k] = 0.25 * np.floor(speed / 0.25)
+        volts[k] = wanted[k] + gain * (wanted[k] - speeds[k] / 1.8)
+        speed = pole * speed + (1 - pole) * 1.8 * volts[k]
+    if early:
+        volts = np.concatenate(([0.0], volts[:-1]))
+    columns = {'voltage': volts, 'speed': speeds}
+    return Record(0.02 * np.arange(count), columns, {'voltage': 'V', 'speed': 'rad/s'})
+
+
+@pytest.mark.parametrize('gain', [0.0, 0.5])
+def test_a_speed_that_answers_within_its_row_without_a_current_to_tell(gain: float) -> None:
+    assert found(logged(1500, True))['early_response'].numbers['share'] > 0.3
+    assert 'early_response' not in found(logged(1500, False, gain))
+    assert 'early_response' not in found(logged(60, True))
+
+
 @pytest.mark.parametrize('factor', [RPM, DEG, 1 / (2 * np.pi)])
 def test_unit_of_a_speed_without_position_from_the_encoder_steps(factor: float) -> None:
     record = without('position')(with_encoder(GOOD))

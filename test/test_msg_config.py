@@ -99,6 +99,22 @@ signals:
     assert record['current'] == pytest.approx((2 * (k + 4) + 1) * 1e-3)
 
 
+@pytest.mark.parametrize(('shift', 'kept'), [(-1, 28), (2, 26), (0, 30)])
+def test_values_move_by_rows_within_their_segment(tmp_path: Path, shift: int, kept: int) -> None:
+    """The voltage of a row was applied up to then: it belongs to the row before."""
+    path = tmp_path / 'a.csv'
+    rows = [f'{k // 15},{0.01 * k:.2f},{k},{k + 1}' for k in range(30)]
+    path.write_text('\n'.join(['test,t,v,u', *rows]))
+    text = (
+        'time: t\nsegment_by: test\n'
+        f'signals: {{speed: {{column: v}}, voltage: {{column: u, shift: {shift}}}}}'
+    )
+    records = load(path, config(tmp_path / 'a.yaml', text)).records
+    assert sum(map(len, records)) == kept
+    for record in records:
+        assert record['voltage'] == pytest.approx(record['speed'] + 1 - shift)
+
+
 def test_segments_keep_their_names(tmp_path: Path) -> None:
     path = tmp_path / 'a.csv'
     rows = [f'{test},{0.01 * k:.2f},{k}' for test in ('slow', 'fast', 'slow') for k in range(20)]
@@ -176,6 +192,8 @@ SPEED = 'signals: {speed: {column: v}}'
         ('signals: {speed: {column: v, scale: 0}}', '`scale` is 0'),
         ('signals: {speed: {column: v, sign: 2}}', 'must be 1 or -1, not 2'),
         ('signals: {speed: {column: v, gear_ratio: -3}}', 'must be above 0'),
+        ('signals: {speed: {column: v, shift: 0.5}}', '`signals.speed.shift` must be a whole'),
+        ('signals: {speed: {topic: t, field: x, shift: 1}}', '`shift` goes with `column` only'),
         ('signals: {speed: {column: [1]}}', 'must be a text'),
         ('signals: {speed: {column: v}, speed: {column: w}}', 'key `speed` stands twice'),
         ('signals: {voltage: {product: [duty]}, speed: {column: v}}', 'computed from `duty`'),

@@ -6,7 +6,7 @@ from dataclasses import replace
 from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.rung import climb
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.setup import (
@@ -21,6 +21,8 @@ from motor_sysid.diagnosis.setup import (
 from motor_sysid.diagnosis.threshold import Threshold
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
+from motor_sysid.signals.doctor import examine
+from motor_sysid.signals.finding import Severity
 from motor_sysid.signals.record import Record
 
 
@@ -80,7 +82,20 @@ def diagnose(
     )
     bench = replace(bench, threshold=threshold.delta_bic)
     found = Engine(bench, candidates, settings, tell, nominal or {}).run(climb(model, bench))
-    return with_threshold(found, threshold)
+    return with_threshold(with_what_data_may_hide(found, records), threshold)
+
+
+def with_what_data_may_hide(diagnosis: Diagnosis, records: Sequence[Record]) -> Diagnosis:
+    """Return the diagnosis; where something unknown is missing, with what is odd about the data.
+
+    A signal that is out of step, or flat where it should not be, looks like physics that no
+    catalogue holds.
+    """
+    if diagnosis.verdict is not Verdict.UNKNOWN_EFFECT:
+        return diagnosis
+    odd = [f for f in examine(records) if f.severity is Severity.WARNING]
+    said = [f'The data may be to blame: {f.message}. {f.remedy}'.strip() for f in odd]
+    return replace(diagnosis, warnings=(*said, *diagnosis.warnings))
 
 
 def with_threshold(diagnosis: Diagnosis, threshold: Threshold) -> Diagnosis:

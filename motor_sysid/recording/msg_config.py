@@ -17,7 +17,7 @@ TOP_KEYS = ('description', 'namespace', 'base_clock', 'max_gap', 'time', 'segmen
             'signals')  # fmt: skip
 PLACES = ('topic', 'column', 'product', 'sum', 'constant')
 SOURCE_KEYS = (*PLACES, 'type', 'field', 'unit', 'scale', 'offset', 'sign', 'counts_per_turn',
-               'gear_ratio', 'stamp', 'stamp_unit', 'when', 'optional')  # fmt: skip
+               'gear_ratio', 'shift', 'stamp', 'stamp_unit', 'when', 'optional')  # fmt: skip
 TIME_KEYS = ('column', 'step', 'unit')
 CONDITION_KEYS = ('field', 'is', 'is_not')
 
@@ -197,6 +197,7 @@ class _Reader:
             sign=self.sign(table, where),
             counts_per_turn=self.number(table, 'counts_per_turn', 0.0, where),
             gear_ratio=self.number(table, 'gear_ratio', 1.0, where),
+            shift=self.whole(table, 'shift', where),
             stamp=self.text(table, 'stamp', stamp, where),
             stamp_unit=self.text(table, 'stamp_unit', 's', where),
             when=self.condition(table.get('when'), where),
@@ -210,6 +211,13 @@ class _Reader:
         value = self.number(table, 'sign', 1.0, where)
         if value not in (1.0, -1.0):
             raise self.fail(f'{where}.sign', f'must be 1 or -1, not {value:g}')
+        return int(value)
+
+    def whole(self, table: Table, key: str, where: str) -> int:
+        """Return a whole number entry, 0 where there is none."""
+        value = self.number(table, key, 0.0, where)
+        if not value.is_integer():
+            raise self.fail(f'{where}.{key}', f'must be a whole number, not {value:g}')
         return int(value)
 
     def condition(self, entry: object, where: str) -> Condition | None:
@@ -229,6 +237,7 @@ class _Reader:
             (not source.topic and bool(source.field), '`field` goes with `topic` only'),
             (source.gear_ratio <= 0, f'`gear_ratio` is {source.gear_ratio:g}, must be above 0'),
             (source.counts_per_turn < 0, '`counts_per_turn` must be above 0'),
+            (bool(source.shift) and not source.column, '`shift` goes with `column` only'),
             (source.scale == 0, '`scale` is 0, so that the signal would be constant'),
         )
         for wrong, problem in checks:

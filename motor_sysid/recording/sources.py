@@ -53,6 +53,8 @@ class Source:
         Needed for the units ``counts`` and ``counts/s``.
     gear_ratio:
         Turns of the sensor's shaft per turn of the record's shaft.
+    shift:
+        Rows of a table by which the values belong later; negative: earlier.
     stamp:
         ``header``, ``receive`` or the path of a time or number in the message.
     stamp_unit:
@@ -77,6 +79,7 @@ class Source:
     sign: int = 1
     counts_per_turn: float = 0.0
     gear_ratio: float = 1.0
+    shift: int = 0
     stamp: str = 'header'
     stamp_unit: str = 's'
     when: Condition | None = None
@@ -143,6 +146,7 @@ class Source:
         steps += [f'+ {self.offset:g}'] if self.offset else []
         steps += ['sign changed'] if self.sign < 0 else []
         steps += [f'gear {self.gear_ratio:g}'] if self.gear_ratio != 1 else []
+        steps += [f'{self.shift:+d} row(s)'] if self.shift else []
         unit = [] if not self.unit or f'[{self.unit}]' in place else [f'[{self.unit}]']
         return ' '.join([place, *steps, *unit])
 

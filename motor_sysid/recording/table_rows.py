@@ -48,7 +48,21 @@ def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[s
     }
     if time.size != next(iter(signals.values())).size:
         raise UserError(f'{table.path}: rows have different numbers of columns')
-    return _segments(Rows(time, signals, units), table, config), chosen
+    pieces = _segments(Rows(time, signals, units), table, config)
+    return [_shifted(rows, chosen) for rows in pieces], chosen
+
+
+def _shifted(rows: Rows, chosen: dict[str, Source]) -> Rows:
+    """Move values to the rows that they belong to; what has none any more is NaN."""
+    signals = dict(rows.signals)
+    for name, source in chosen.items():
+        if source.shift:
+            moved = np.roll(signals[name], source.shift)
+            moved[slice(None, source.shift) if source.shift > 0 else slice(source.shift, None)] = (
+                np.nan
+            )
+            signals[name] = moved
+    return replace(rows, signals=signals)
 
 
 def _time(table: Columns, time: TimeColumn, numbers: dict[str, Array]) -> Array:

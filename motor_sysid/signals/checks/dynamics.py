@@ -20,6 +20,11 @@ EXPLAINED = 0.8
 """Share of the speed that a first-order lag must explain for its time constant to count."""
 MOST = 20_000
 """Samples that are looked at."""
+ROWS_BACK = 4
+"""Rows that the speed is regressed on."""
+MUCH, EARLY = 1.5, 0.1
+"""Ratio of the squares that are left without the input of the same row to those with it, and share
+of the answer, from which on an answer comes too early."""
 
 
 def check(records: Sequence[Record]) -> Iterator[Finding]:
@@ -28,7 +33,8 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     driver = main_input(record)
     if not driver or len(record) < 50 or np.ptp(record[driver]) == 0:
         return
-    yield from _lag(records, driver)
+    early = list(_lag(records, driver)) or list(_answers_early(records, driver))
+    yield from early
     yield from _electrical(record, driver)
     if driver.startswith(('voltage', 'duty')):
         yield from _mechanical(records, record, driver)
@@ -87,8 +93,56 @@ def _lag(records: Sequence[Record], driver: str) -> Iterator[Finding]:
             f'{current} changes {1 - samples} sample(s) before {driver} could have caused it',
             'resistance and inductance come out wrong',
             f'row k must hold the {driver} that is applied from t_k on; if yours was applied up '
-            'to t_k, shift it by one row, or correct the stamps', numbers,
+            'to t_k, say `shift: -1` of its column in a msg_config file, or correct the stamps',
+            numbers,
         )  # fmt: skip
+
+
+def early_share(record: Record, driver: str) -> float:
+    """Return the share of the speed's answer to `driver` that comes before its time, 0 to 1.
+
+    The speed of row k is regressed on the input and itself `ROWS_BACK` rows back.  With the
+    convention of records the input of row k is applied from then on and tells nothing of it; a
+    controller that answers to noise in the speed makes its coefficient negative.  The share counts
+    only where the input of the same row explains much of what is left without it.
+    """
+    speed = speed_of(record)
+    if speed is None or len(record) < 20 * ROWS_BACK:
+        return 0.0
+    y, u = speed[:MOST] - np.mean(speed[:MOST]), record[driver][:MOST] - np.mean(record[driver])
+    back = range(1, ROWS_BACK + 1)
+    rows = slice(ROWS_BACK, None)
+    past = np.column_stack([np.roll(x, k)[rows] for x in (u, y) for k in back])
+    both = np.column_stack((u[rows], past))
+    (without, _), (left, found) = (_regressed(columns, y[rows]) for columns in (past, both))
+    inputs = found[: 1 + ROWS_BACK]
+    if left * MUCH > without or inputs[0] * float(u @ y) <= 0:
+        return 0.0
+    return float(abs(inputs[0]) / np.sum(np.abs(inputs)))
+
+
+def _regressed(columns: Array, target: Array) -> tuple[float, Array]:
+    """Return the sum of squares that a linear regression leaves, and its coefficients."""
+    found = np.linalg.lstsq(columns, target, rcond=None)[0]
+    return float(np.sum((target - columns @ found) ** 2)), np.asarray(found, dtype=np.float64)
+
+
+def _answers_early(records: Sequence[Record], driver: str) -> Iterator[Finding]:
+    """Compare speed and voltage, where no current tells."""
+    if 'speed_reference' in records[0] or 'position_reference' in records[0]:
+        return
+    shares = [early_share(r, driver) for r in records if driver in r and _is_regular(r)]
+    if not shares or min(shares) < EARLY:
+        return
+    yield Finding(
+        Severity.WARNING, 'early_response',
+        f'the speed answers {driver} within the same row: {100 * min(shares):.0f} % of its answer '
+        'comes before that can have caused it',
+        'no model can follow; friction and inertia come out wrong',
+        f'row k must hold the {driver} that is applied from t_k on; if yours was applied up to '
+        't_k (set, wait, read, log), say `shift: -1` of its column in a msg_config file; if the '
+        'speed was smoothed forward and backward, take the raw one', {'share': min(shares)},
+    )  # fmt: skip
 
 
 def _is_regular(record: Record) -> bool:
