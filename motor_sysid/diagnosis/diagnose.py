@@ -94,7 +94,9 @@ def with_what_data_may_hide(diagnosis: Diagnosis, records: Sequence[Record]) -> 
     if diagnosis.verdict is not Verdict.UNKNOWN_EFFECT:
         return diagnosis
     odd = [f for f in examine(records) if f.severity is Severity.WARNING]
-    said = [f'The data may be to blame: {f.message}. {f.remedy}'.strip() for f in odd]
+    said = [
+        f'The data may be to blame: {f.message}. To do: {f.remedy or "look at them"}' for f in odd
+    ]
     return replace(diagnosis, warnings=(*said, *diagnosis.warnings))
 
 
