@@ -109,7 +109,8 @@ def _evidence(
         taken = 'the error was at the sensor noise already'
     words = (
         f'{found.title} ({_values(parameters)}): evidence dBIC {found.delta_bic:.3g}; {taken}, '
-        f'and the held-out error falls by {gain:.2g} % ({old:.3g} to {new:.3g} %).'
+        f'and the held-out error {"falls" if gain >= 0 else "rises"} by {abs(gain):.2g} % '
+        f'({old:.3g} to {new:.3g} %).'
         f'{why and f" {why}"}'
     )
     return Evidence(found.effect, found.title, found.delta_bic, share, gain, parameters,

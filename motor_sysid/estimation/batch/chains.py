@@ -16,7 +16,7 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 _REST_TIME = 0.02
-_START_SPAN = 21
+_START_SPANS, _NEAR, _SURELY = (21, 11, 5), 1000, 3.0
 _WINDOW, _RUN_IN = 1500, 100
 _WORTH_THINNING = 1.5
 
@@ -190,13 +190,14 @@ def _stretch(
     at_rest = bool(np.all(np.abs(head) <= 1e-3 * top))
     state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
     still_open: list[int] = []
+    shown_speed = 'speed' in record
     shown = {o.state: o.signal for o in kind.outputs if o.state in kind.currents}
     for j, name in enumerate(kind.states):
         if name == 'omega' and not at_rest:
-            state[j], size[j] = _value_at(speed, first), 1e-3 * top
+            state[j], size[j] = _value_at(speed, first, measured=shown_speed), 1e-3 * top
             still_open.append(j)
         elif name == 'theta' and 'position' in record:
-            state[j] = _value_at(even['position'], first)
+            state[j] = _value_at(even['position'], first, measured=shown_speed)
             if 'position' in outputs:
                 size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
                 still_open.append(j)
@@ -205,10 +206,31 @@ def _stretch(
     return Stretch(record, drive, measured, state, tuple(still_open), size, scored_from)
 
 
-def _value_at(values: Array, index: int) -> float:
-    """Value of a smooth noisy signal at a sample: a parabola through its surroundings."""
-    first = max(index - _START_SPAN // 2, 0)
-    around = values[first : first + _START_SPAN]
-    degree = 2 if around.size > 8 else 1
-    fitted = np.polynomial.Polynomial.fit(np.arange(first, first + around.size), around, degree)
-    return float(fitted(index))
+def _value_at(values: Array, index: int, *, measured: bool = True) -> float:
+    """Value of a noisy signal at a sample: a parabola through as many around it as one fits.
+
+    Where samples are so coarse, or the motion so sudden, that none does, it is the sample itself;
+    but not where the speed is not `measured`: a difference is all noise, and goes with its angle.
+    """
+    noise = _noise_of(values[max(index - _NEAR, 0) : index + _NEAR]) if measured else np.inf
+    for span in _START_SPANS:
+        first = max(index - span // 2, 0)
+        around = values[first : first + span]
+        degree = 2 if around.size > 8 else 1
+        rows = np.arange(first, first + around.size)
+        fitted = np.polynomial.Polynomial.fit(rows, around, degree)
+        left = float(np.sum((around - fitted(rows)) ** 2)) / max(around.size - degree - 1, 1)
+        if left <= (_SURELY * noise) ** 2:
+            return float(fitted(index))
+    return float(values[index])
+
+
+def _noise_of(values: Array) -> float:
+    """Return the standard deviation of white noise in a signal that moves smoothly mostly.
+
+    Third differences hold noise sqrt(20)-fold and a parabola not at all; half of those of noise
+    lie within 0.67 standard deviations.
+    """
+    if values.size < _START_SPANS[0]:
+        return np.inf
+    return float(np.median(np.abs(np.diff(values, 3))) / (0.6745 * np.sqrt(20.0)))

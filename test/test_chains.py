@@ -1,0 +1,41 @@
+"""Where a stretch starts: in motion, at a state that is read from the measured signals."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.estimation.batch.chains import make_chain
+from motor_sysid.physics.motors import motor
+from motor_sysid.signals.record import Record
+
+UNITS = {'voltage': 'V', 'speed': 'rad/s', 'position': 'rad', 'current': 'A'}
+
+
+def started(dt, speed, **others):
+    """Return the state at which a free run over a record starts, by name."""
+    columns = {'voltage': np.ones(speed.size), 'speed': speed, **others}
+    columns = {name: values for name, values in columns.items() if values is not None}
+    kind = motor('brushed_dc' if 'current' in columns else 'brushed_dc_reduced')
+    outputs = [name for name in ('current', 'speed') if name in columns] or ['position']
+    record = Record(dt * np.arange(speed.size), columns, {n: UNITS[n] for n in columns})
+    return dict(zip(kind.states, make_chain(record, kind, outputs)[0].state, strict=True))
+
+
+def test_a_smooth_start_is_read_through_its_noise():
+    rng = np.random.default_rng(3)
+    smooth = 200.0 + 50.0 * np.sin(4.0 * 1e-3 * np.arange(2000))
+    starts = [started(1e-3, smooth + rng.normal(size=2000))['omega'] for _ in range(40)]
+    assert np.std(starts) < 0.8
+    assert np.mean(starts) == pytest.approx(200.0, abs=0.4)
+
+
+def test_a_start_into_a_step_is_the_sample_itself():
+    """At 10 Hz the motor has settled a sample after the step; no parabola follows that."""
+    rng = np.random.default_rng(4)
+    levels = np.repeat(rng.uniform(-600, 600, 40), 10)
+    levels[0] = 5.0
+    noisy = levels + 0.5 * rng.normal(size=400)
+    assert started(0.1, noisy)['omega'] == noisy[0]
+    current = 0.01 * levels + 1e-3 * rng.normal(size=400)
+    state = started(0.1, noisy, current=current)
+    assert state['omega'] == noisy[0]
+    assert state['i'] == current[0]
