@@ -16,7 +16,11 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 _REST_TIME = 0.02
-_START_SPANS, _NEAR, _SURELY = (21, 11, 5), 1000, 3.0
+_COARSE = 0.015
+"""Sample time, s, from which on a motor may settle from one sample to the next."""
+_START_SPANS, _NEAR, _SURELY = (21, 11, 5), 1000, 20.0
+"""Samples that a parabola goes through where a run starts; samples on either side that noise is
+read from; and how many times the noise the parabola may be off."""
 _WINDOW, _RUN_IN = 1500, 100
 _WORTH_THINNING = 1.5
 
@@ -190,29 +194,29 @@ def _stretch(
     at_rest = bool(np.all(np.abs(head) <= 1e-3 * top))
     state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
     still_open: list[int] = []
-    shown_speed = 'speed' in record
+    coarse = 'speed' in record and even.dt > _COARSE
     shown = {o.state: o.signal for o in kind.outputs if o.state in kind.currents}
     for j, name in enumerate(kind.states):
         if name == 'omega' and not at_rest:
-            state[j], size[j] = _value_at(speed, first, measured=shown_speed), 1e-3 * top
+            state[j], size[j] = _value_at(speed, first, coarse=coarse), 1e-3 * top
             still_open.append(j)
         elif name == 'theta' and 'position' in record:
-            state[j] = _value_at(even['position'], first, measured=shown_speed)
+            state[j] = _value_at(even['position'], first, coarse=coarse)
             if 'position' in outputs:
                 size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
                 still_open.append(j)
         elif name in shown and shown[name] in record and not at_rest:
-            state[j] = _value_at(even[shown[name]], first)
+            state[j] = _value_at(even[shown[name]], first, coarse=coarse)
     return Stretch(record, drive, measured, state, tuple(still_open), size, scored_from)
 
 
-def _value_at(values: Array, index: int, *, measured: bool = True) -> float:
-    """Value of a noisy signal at a sample: a parabola through as many around it as one fits.
+def _value_at(values: Array, index: int, *, coarse: bool) -> float:
+    """Value of a noisy signal at a sample: a parabola through its surroundings.
 
-    Where samples are so coarse, or the motion so sudden, that none does, it is the sample itself;
-    but not where the speed is not `measured`: a difference is all noise, and goes with its angle.
+    Of a speed that was sampled so `coarse` that a motor may settle from one sample to the next,
+    through as many of them as one fits; if none does, it is the sample itself.
     """
-    noise = _noise_of(values[max(index - _NEAR, 0) : index + _NEAR]) if measured else np.inf
+    noise = _noise_of(values[max(index - _NEAR, 0) : index + _NEAR]) if coarse else np.inf
     for span in _START_SPANS:
         first = max(index - span // 2, 0)
         around = values[first : first + span]
