@@ -147,6 +147,7 @@ def test_a_pmsm_is_identified_and_recorded_over_dds(repository: Path, tmp_path: 
 
         wait_for(known, 'estimates', 60)
         estimates = monitor.look().estimates
+        wait_for(lambda: turned(tmp_path / 'bag') > 20.0, 'turns of the shaft', 60)
         for name in ('recorder', 'pid', 'motor', 'identifier'):  # no record without a reference
             assert running[name].end() == 0, running[name].output()
     for name, value in (('R', 2.0), ('psi_f', 8.3e-3), ('J', 5e-5)):
