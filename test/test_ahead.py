@@ -54,7 +54,7 @@ def test_a_friction_may_be_nothing_for_want_of_a_load():
 def test_two_steps_must_stand_all_tests_together(second, expected):
     old = trial(0.0)
     old.rung.model.parameters = ()
-    assert stands(second, old.rung) is expected
+    assert stands(second.rung, old.rung, second.excess) is expected
 
 
 def test_what_held_out_data_refuse_counts_if_both_together_stand():

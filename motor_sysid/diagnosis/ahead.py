@@ -44,18 +44,20 @@ def second_of(further: Sequence[Trial], old: Rung) -> Trial | None:
     passing = [t for t in further if t.passes]
     refused = [t for t in further if t.note.startswith(HELD_BACK)]
     for trials in (passing, refused):
-        if trials and stands(winner_of(trials), old):
-            return winner_of(trials)
+        if trials:
+            winner = winner_of(trials)
+            if stands(winner.rung, old, winner.excess):
+                return winner
     return None
 
 
-def stands(second: Trial, old: Rung) -> bool:
+def stands(new: Rung, old: Rung, excess: float) -> bool:
     """Whether a model with two effects more than `old` leaves only noise where `old` did not.
 
     And whether it lowers the held-out error enough, and steadily: two steps reach much that one
-    does not, the truth and neighbours of it.
+    does not, the truth and neighbours of it.  `excess` is the whitened variance that it leaves, in
+    units of the noise.
     """
-    new = second.rung
     gain = 100 * (1 - combined_error(new.held, old.held))
     helps = gain > MIN_FURTHER_GAIN_PERCENT and steadiness(old.held, new.held) > MIN_STEADY
-    return helps and second.excess < AT_NOISE and not gone(new.model, old.model)
+    return helps and excess < AT_NOISE and not gone(new.model, old.model)

@@ -17,7 +17,7 @@ from motor_sysid.diagnosis.polish import polish
 from motor_sysid.diagnosis.prune import pruned
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.retold import Ladder, retold
+from motor_sysid.diagnosis.retold import retold
 from motor_sysid.diagnosis.rounds import (
     accounted,
     explains,
@@ -43,7 +43,7 @@ from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.steps import exact, refined
-from motor_sysid.diagnosis.trial import SURELY_MORE, Trial
+from motor_sysid.diagnosis.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.twosome import best_twosome, TWO
 from motor_sysid.diagnosis.verdict import (
     doubts,
@@ -116,7 +116,7 @@ class Engine:
         -------
         What was fitted, each with what was tried on it, and who does as well as each effect.
         """
-        ladder, rivals = list(begun), Rivals()
+        ladder, rivals = list(begun), dict[str, tuple[str, ...]]()
         start = ladder[0][0].model.effects if ladder else rung.model.effects
         reconsidered = False
         for _ in range(2 * self.settings.max_effects + 2):
@@ -206,15 +206,15 @@ class Engine:
         doubtful = other.held.error_percent > SPOILED * rung.held.error_percent
         if other is not rung and not doubtful:
             rung, scores = self.seen_by(other)
-        trials = self.refits(scores, rung, base, thorough)
+        trials = self.refits(scores, rung, base, thorough=thorough)
         better = led_back(trials, rung, self.bench, scores.weighting)
         if better is not rung:
             self.tell('the fit had gone astray: beginning again where a trial ended')
             rung = better
-            trials = self.refits(self.score(better), better, base, thorough)
+            trials = self.refits(self.score(better), better, base, thorough=thorough)
         if doubtful and not any(t.passes for t in trials):
             other, scores = self.seen_by(other)
-            further = self.refits(scores, other, base, thorough)
+            further = self.refits(scores, other, base, thorough=thorough)
             least = (1 - MIN_FURTHER_GAIN_PERCENT / 100) * rung.held.error_percent
             if any(t.passes and t.rung.held.error_percent < least for t in further):
                 rung, trials = other, further
@@ -222,7 +222,7 @@ class Engine:
         return rung, trials
 
     def refits(
-        self, scores: Scores, rung: Rung, base: Rung | None, thorough: bool
+        self, scores: Scores, rung: Rung, base: Rung | None, *, thorough: bool
     ) -> list[Trial]:
         """Refit the best candidates on a fitted model; see `round`."""
         earlier = tried_instead(rung, (t for trials in self.tried.values() for t in trials))

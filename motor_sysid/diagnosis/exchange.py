@@ -8,7 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.apart import alike, Compared, compared
-from motor_sysid.diagnosis.gate import feeds, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.gate import is_impossible, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.refit import (
     best_per_effect,
     parameters_of,
@@ -18,8 +18,8 @@ from motor_sysid.diagnosis.refit import (
     try_pair,
 )
 from motor_sysid.diagnosis.rounds import WORKERS
-from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, SPOILED, vanished
-from motor_sysid.diagnosis.score import Scored, Scores
+from motor_sysid.diagnosis.rung import climb, profile_cost, Rung, SPOILED
+from motor_sysid.diagnosis.score import Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, Trial
 from motor_sysid.diagnosis.verdict import margin_of, may_rival, RIVAL_BIC, RIVAL_SHARE
@@ -212,7 +212,12 @@ class Exchange:
             tried = [
                 one
                 for one in fits
-                if not any(self.impossible(one[0].model, part) for part in one[2])
+                if not any(
+                    is_impossible(
+                        one[0].model, part.variant.effect.key, self.bench.scales.duration
+                    )
+                    for part in one[2]
+                )
             ]
         tried.sort(key=lambda one: -one[1])
         if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
@@ -230,11 +235,6 @@ class Exchange:
         self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
         self.gains.update(dict.fromkeys(best, tried[0][1]))
         return tried[0][0]
-
-    def impossible(self, model: Model, part: Scored) -> bool:
-        """Whether physics forbids what a fit has made of an effect of it."""
-        key = part.variant.effect.key
-        return vanished(model, key) or feeds(model, key, self.bench.scales.duration)
 
     def substitutes(
         self, key: str, level: Level, scores: Scores, gain: float

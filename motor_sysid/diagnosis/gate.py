@@ -193,6 +193,11 @@ def feeds(model: Model, key: str, duration: float) -> bool:
     return False
 
 
+def is_impossible(model: Model, key: str, duration: float) -> bool:
+    """Whether physics forbids what a fit has made of an effect, in a record of `duration` s."""
+    return vanished(model, key) or feeds(model, key, duration)
+
+
 def is_told(model: Model, key: str) -> bool:
     """Whether an amplitude of an effect is told from zero, whatever else is not known."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
@@ -269,7 +274,7 @@ def gate_note(
         Whether it does more than follow closer what the model has; see `TORN` and `MORE`.
     """
     key = scored.variant.effect.key
-    if vanished(new.model, key) or feeds(new.model, key, duration):
+    if is_impossible(new.model, key, duration):
         return UNPHYSICAL
     if not np.isfinite(delta):
         return 'cannot be simulated'

@@ -7,11 +7,9 @@ from itertools import pairwise
 from motor_sysid.diagnosis.rung import climb, profile_cost, Rung
 from motor_sysid.diagnosis.score import Scored
 from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.diagnosis.trial import judged, Level, Trial
+from motor_sysid.diagnosis.trial import judged, Ladder, Level
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effects import effect
-
-Ladder = list[tuple[Rung, list[Trial]]]
 
 
 def retold(ladder: Ladder, bench: Bench, weighting: Weighting, scored: Iterable[Scored]) -> Ladder:

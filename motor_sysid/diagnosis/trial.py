@@ -186,6 +186,10 @@ def judged(
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 
+Ladder = list[tuple[Rung, list[Trial]]]
+"""What was fitted, one effect after the other, each with what was tried on it."""
+
+
 def searching(one: Effect, samples: int) -> float:
     """Return the price in BIC of a shape that was looked for everywhere: twice the log of where.
 

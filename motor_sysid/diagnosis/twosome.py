@@ -8,22 +8,16 @@ that leaves nothing but noise is where a second climb begins.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-from motor_sysid.diagnosis.gate import (
-    combined_error,
-    feeds,
-    gone,
-    is_told,
-    MIN_FURTHER_GAIN_PERCENT,
-    MIN_STEADY,
-    steadiness,
-)
+import numpy as np
+
+from motor_sysid.diagnosis.ahead import stands
+from motor_sysid.diagnosis.gate import is_impossible, is_told
 from motor_sysid.diagnosis.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.rounds import WORKERS
-from motor_sysid.diagnosis.rung import Rung, vanished
+from motor_sysid.diagnosis.rung import Rung
 from motor_sysid.diagnosis.score import Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level
-from motor_sysid.diagnosis.verdict import AT_NOISE
 
 TWO = 2
 """Effects that are added at once."""
@@ -43,30 +37,18 @@ def best_twosome(
     tell(f'beginning again with two effects at once: trying {len(scores.pairs)} pairs')
 
     def fitted(pair: Pair) -> tuple[Rung, float, Pair]:
-        rough, _ = try_pair(pair, level, bench)
+        rough, gain = try_pair(pair, level, bench)
+        if not np.isfinite(gain):
+            return rough, gain, pair
         return (*settled_pair(rough, level, bench), pair)
 
     with ThreadPoolExecutor(WORKERS) as pool:
         fits = list(pool.map(fitted, scores.pairs))
-    rung, gain, pair = max(fits, key=lambda one: one[1], default=(base, 0.0, None))
-    if pair is None or level.cost - gain > AT_NOISE * level.rows:
+    rung, gain, pair = max(fits, key=lambda one: one[1], default=(base, 0.0, ()))
+    excess = (level.cost - gain) / level.rows
+    if gain < bench.threshold or not stands(rung, base, excess):
         return None
-    if gain < bench.threshold or not _stands(rung, base):
-        return None
-    keys = [one.variant.effect.key for one in pair]
-    if not all(_is_there(rung, key, bench) for key in keys):
-        return None
-    return rung, gain
-
-
-def _stands(rung: Rung, base: Rung) -> bool:
-    """Whether a fit lowers the held-out error enough and steadily, and no parameter goes."""
-    gain = 100 * (1 - combined_error(rung.held, base.held))
-    steady = steadiness(base.held, rung.held) > MIN_STEADY
-    return gain > MIN_FURTHER_GAIN_PERCENT and steady and not gone(rung.model, base.model)
-
-
-def _is_there(rung: Rung, key: str, bench: Bench) -> bool:
-    """Whether an effect of a fit is told from nothing, and possible."""
-    impossible = vanished(rung.model, key) or feeds(rung.model, key, bench.scales.duration)
-    return is_told(rung.model, key) and not impossible
+    keys, duration = [one.variant.effect.key for one in pair], bench.scales.duration
+    model = rung.model
+    there = all(is_told(model, key) and not is_impossible(model, key, duration) for key in keys)
+    return (rung, gain) if there else None

@@ -58,9 +58,8 @@ def _shifted(rows: Rows, chosen: dict[str, Source]) -> Rows:
     for name, source in chosen.items():
         if source.shift:
             moved = np.roll(signals[name], source.shift)
-            moved[slice(None, source.shift) if source.shift > 0 else slice(source.shift, None)] = (
-                np.nan
-            )
+            lost = slice(source.shift) if source.shift > 0 else slice(source.shift, None)
+            moved[lost] = np.nan
             signals[name] = moved
     return replace(rows, signals=signals)
 

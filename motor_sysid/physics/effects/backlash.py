@@ -13,7 +13,7 @@ from motor_sysid.physics.laws import clip, law_function
 CARD = Card(
     title='backlash',
     equation='tau = -r J (w_a^2 d + 2 z w_a c dphi/dt),  dphi/dt = omega - omega_l,  '
-    'd = phi beyond +-phi_g',
+    'd = phi beyond +-phi_g; teeth never pull',
     symptom='At every reversal the motor runs free for a moment as if it had less inertia, then '
     'strikes the load.',
     reference='Nordin and Gutman, Automatica 38 (2002), Controlling mechanical systems with '

@@ -33,8 +33,8 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     driver = main_input(record)
     if not driver or len(record) < 50 or np.ptp(record[driver]) == 0:
         return
-    early = list(_lag(records, driver)) or list(_answers_early(records, driver))
-    yield from early
+    yield from _lag(records, driver)
+    yield from _answers_early(records, driver)
     yield from _electrical(record, driver)
     if driver.startswith(('voltage', 'duty')):
         yield from _mechanical(records, record, driver)
@@ -101,15 +101,14 @@ def _lag(records: Sequence[Record], driver: str) -> Iterator[Finding]:
 def early_share(record: Record, driver: str) -> float:
     """Return the share of the speed's answer to `driver` that comes before its time, 0 to 1.
 
-    The speed of row k is regressed on the input and itself `ROWS_BACK` rows back.  With the
-    convention of records the input of row k is applied from then on and tells nothing of it; a
+    The measured speed of row k is regressed on the input and itself `ROWS_BACK` rows back.  With
+    the convention of records the input of row k is applied from then on and tells nothing of it; a
     controller that answers to noise in the speed makes its coefficient negative.  The share counts
     only where the input of the same row explains much of what is left without it.
     """
-    speed = speed_of(record)
-    if speed is None or len(record) < 20 * ROWS_BACK:
+    if 'speed' not in record or len(record) < 20 * ROWS_BACK:
         return 0.0
-    y, u = speed[:MOST] - np.mean(speed[:MOST]), record[driver][:MOST] - np.mean(record[driver])
+    y, u = (x - np.mean(x) for x in (record['speed'][:MOST], record[driver][:MOST]))
     back = range(1, ROWS_BACK + 1)
     rows = slice(ROWS_BACK, None)
     past = np.column_stack([np.roll(x, k)[rows] for x in (u, y) for k in back])
@@ -128,8 +127,10 @@ def _regressed(columns: Array, target: Array) -> tuple[float, Array]:
 
 
 def _answers_early(records: Sequence[Record], driver: str) -> Iterator[Finding]:
-    """Compare speed and voltage, where no current tells."""
-    if 'speed_reference' in records[0] or 'position_reference' in records[0]:
+    """Compare speed and voltage, where no current tells and nobody is seen to control."""
+    first = records[0]
+    closed = 'speed_reference' in first or 'position_reference' in first
+    if closed or main_current(first) or not driver.startswith(('voltage', 'duty')):
         return
     shares = [early_share(r, driver) for r in records if driver in r and _is_regular(r)]
     if not shares or min(shares) < EARLY:
