@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare
-from motor_sysid.diagnosis.edges import beyond_edges, edges_of
-from motor_sysid.diagnosis.moments import with_honest_moments
 from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.rung import climb, FINER, judge, newton_step, Rung, slopes, some_of
 from motor_sysid.diagnosis.setup import Bench
+from motor_sysid.diagnosis.standard_errors import honest
 from motor_sysid.estimation.batch import FitResult, misfit, Weighting
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
-from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -161,7 +159,7 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     if steps == FINEST:
         runs = [_residuals(last.model, some, n) for n in (JUDGE * steps, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
-    return replace(last, result=_honest(last, bench, blunt)), bench
+    return replace(last, result=honest(last, bench, blunt)), bench
 
 
 def _followed(rung: Rung, bench: Bench, sigma: Array) -> Rung:
@@ -187,27 +185,6 @@ def _followed(rung: Rung, bench: Bench, sigma: Array) -> Rung:
             solution = Solution(z, cost - float(move @ gradient), True, runs, runs, tuple(near))
             return judge(result_at(problem, weighting, solution, runs, runs), bench, near)
     return climb(rung.model, bench, weighting, briefly=True)
-
-
-def _honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
-    """Return a fit with standard errors for noise that is correlated for long.
-
-    `blunt` (p,) holds errors of the integration that are added to them.
-    """
-    problem, weighting = bench.problem(rung.model), rung.result.weighting
-    near = slopes(rung, bench)
-    spread = describe(problem, problem.vector(), weighting, near, stationary=True)
-    sigma = beyond_edges(
-        problem, weighting, spread.covariance, spread.sigma, spread.information,
-        edges_of(rung.model),
-    )  # fmt: skip
-    told = {
-        p.name: float(np.hypot(s, extra))
-        for p, s, extra in zip(problem.free, sigma, blunt, strict=True)
-    }
-    sure = bench.problem(rung.model.with_estimates({}, told))
-    model = with_honest_moments(sure, weighting, spread.information)
-    return replace(rung.result, model=model, covariance=spread.covariance)
 
 
 def _sharper(model: Model) -> Model:

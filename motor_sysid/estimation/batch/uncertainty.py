@@ -54,10 +54,13 @@ class Scores:
         (d, d) sum of squared sensitivities, weighed.
     blocks:
         (K, d) score (gradient of half the negative cost) of each block of time.
+    shares:
+        (K, d, d) part of each block in the curvature.
     """
 
     curvature: Array
     blocks: Array
+    shares: Array
 
     @property
     def covariance(self) -> Array:
@@ -70,16 +73,16 @@ class Scores:
 def scores_of(near: Sequence[Linearization], weighting: Weighting) -> Scores:
     """Return what the data say at the vector of a linearization."""
     size = near[0].slope.shape[2]
-    curvature, scores = np.zeros((size, size)), []
+    scores, shares = [], []
     total = sum(len(one.residual) for one in near)
     for one in near:
         both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
         rest = weighting.removed(both, one.start)
-        flat, error = rest[:, :-1], rest[:, -1:]
-        curvature += flat.T @ flat
         pieces = max(round(BLOCKS * len(one.residual) / total), 1)
-        scores += [part.sum(axis=0) for part in np.array_split(flat * error, pieces)]
-    return Scores(curvature, np.array(scores))
+        products = [part.T @ part for part in np.array_split(rest, pieces)]
+        scores += [product[:size, size] for product in products]
+        shares += [product[:size, :size] for product in products]
+    return Scores(np.sum(shares, axis=0), np.array(scores), np.array(shares))
 
 
 def describe(
@@ -122,6 +125,8 @@ def describe(
     if stationary:
         noise = whole @ stationary_scores(near, weighting) @ whole
         covariance = _at_least(covariance, noise + whole @ believed @ whole)
+        apart = jackknife(found, boxed, size)
+        covariance = _at_least(covariance, apart + whole @ believed @ whole)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     seen, positive = np.diag(curvature), np.array([p.logarithmic for p in problem.free])
     unseen = seen <= 1e-12 * np.where(positive, np.max(seen[positive], initial=0.0), 0.0)
@@ -129,6 +134,22 @@ def describe(
     sigma[unseen | np.isinf(told.bound)] = np.inf
     words = (*told.words(), *_vague(problem, told.words(), sigma, slope))
     return Spread(sigma, covariance * np.outer(slope, slope), words, told)
+
+
+def jackknife(found: Scores, curvature: Array, size: Array) -> Array:
+    """Return the (d, d) covariance from how an estimate moves as one block of time is left out.
+
+    Where few blocks tell of a parameter each of them draws the fit to itself, and the scores that
+    are left there are too small.  (Bell and McCaffrey, Survey Methodology 28, 2002, 169-181.)
+    """
+    scale = np.outer(size, size)
+    moves = [
+        np.linalg.lstsq((curvature - share) / scale, score / size, rcond=1e-12)[0] / size
+        for share, score in zip(found.shares, found.blocks, strict=True)
+    ]
+    count = len(moves)
+    covariance: Array = np.transpose(moves) @ np.array(moves) * (count - 1) / count
+    return covariance
 
 
 def _box_precision(problem: Problem) -> Array:
