@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.blur import with_blur
 from motor_sysid.diagnosis.edges import beyond_edges, edges_of
 from motor_sysid.diagnosis.moments import with_honest_moments
 from motor_sysid.diagnosis.profile import with_profiled_delays
@@ -26,9 +25,9 @@ many points."""
 def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     """Return a fit with standard errors that hold for what the data are like.
 
-    They hold for noise that is correlated for long, for laws that end within reach, for positions
-    in counts, for a cost that is rough, for delays, and for moments.  `blunt` (p,) holds errors of
-    the integration that are added to them.
+    They hold for noise that is correlated for long, for laws that end within reach, for a cost
+    that is rough, for delays, and for moments.  `blunt` (p,) holds errors of the integration that
+    are added to them.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     near = slopes(rung, bench)
@@ -42,7 +41,6 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
         rough = roughness(problem, weighting, spread.covariance)
         sigma = np.hypot(sigma, np.sqrt(rough) * spread.information.bound)
     model = rung.model.with_estimates({}, _named(problem, sigma))
-    model = with_blur(model, bench.train)
     model = with_profiled_delays(model, bench, weighting, spread.information)
     model = with_honest_moments(bench.problem(model), weighting, spread.information)
     return replace(rung.result, model=model, covariance=spread.covariance)

@@ -85,10 +85,11 @@ def hold_input(wide, u, inputs, late, places, sample):  # type: ignore[no-untype
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def load_state(  # type: ignore[no-untyped-def]
-    wide, p, x, state_rows, position_row, speed_row, follows, position, h
+    wide, p, x, state_rows, position_row, speed_row, follows, position, half, h
 ):
     """Write a core state to the argument rows, with the measured position in its place.
 
+    That is the simulated one as far as it lies within `half` a count (rad) of the measured one.
     Beside it goes the angle that the shaft turns in a step of length `h` (W,).
     """
     if speed_row >= 0:
@@ -98,22 +99,35 @@ def load_state(  # type: ignore[no-untyped-def]
         row = state_rows[j] * LANES
         if follows and j == position_row:
             for k in range(wide):
-                p[row + k] = position[k]
+                p[row + k] = within(x[j, k], position[k], half)
         else:
             for k in range(wide):
                 p[row + k] = x[j, k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def within(value, middle, half):  # type: ignore[no-untyped-def]
+    """Return a value, not more than `half` away from the middle."""
+    return min(max(value, middle - half), middle + half)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def confine(wide, values, middle, half):  # type: ignore[no-untyped-def]
+    """Move `values` (W,) that are more than `half` away from the middle (W,) to there."""
+    for k in range(wide):
+        values[k] = within(values[k], middle[k], half)
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def begin_step(  # type: ignore[no-untyped-def]
-    wide, p, x, position_row, follows, position, h
+    wide, p, x, position_row, follows, position, half, h
 ):
     """Write the angle at which a step of length `h` (W,) begins, and that length."""
     for k in range(wide):
         p[STEP + k] = h[k]
     if follows:
         for k in range(wide):
-            p[BEFORE + k] = position[k]
+            p[BEFORE + k] = within(x[position_row, k], position[k], half)
     elif position_row >= 0:
         for k in range(wide):
             p[BEFORE + k] = x[position_row, k]

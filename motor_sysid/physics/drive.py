@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import top_speed
+from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -29,6 +30,10 @@ class Drive:
         the end is known; or empty: then they see the simulated one.
     speed:
         Highest speed (rad/s) that the motor is known to reach; it decides on substeps.
+    count:
+        Width of a count of the measured position, rad; 0 where it has none.  Laws see the
+        simulated position as far as it lies within the count: what a rotor that rests sees is not
+        what the encoder shows, and the same for as long as it rests.
     """
 
     inputs: Array
@@ -36,6 +41,7 @@ class Drive:
     start: float = 0.0
     position: Array = field(default_factory=lambda: _EMPTY)
     speed: float = 0.0
+    count: float = 0.0
 
     @classmethod
     def of(cls, record: Record, kind: Motor, *, follow_position: bool = True) -> 'Drive':
@@ -52,16 +58,18 @@ class Drive:
         names = input_signals(record, kind)
         if not record.is_uniform:
             raise UserError('the record is not uniformly sampled; use record.uniform()')
-        position = _EMPTY
+        position, count = _EMPTY, 0.0
         if follow_position and 'position' in record:
             position = record['position']
+            steps = lattice(np.diff(position))
+            count = steps.step if steps else 0.0
         elif follow_position and 'speed' in record:
             position = np.cumsum(record['speed']) * record.dt
         columns = np.ascontiguousarray(np.column_stack([record[name] for name in names]))
         if kind.prompt:
             columns = np.concatenate((columns[1:], columns[-1:]))
         speed = top_speed(record) if kind.wave else 0.0
-        return cls(columns, record.dt, float(record.time[0]), position, speed)
+        return cls(columns, record.dt, float(record.time[0]), position, speed, count)
 
 
 def input_signals(record: Record, kind: Motor) -> tuple[str, ...]:

@@ -38,6 +38,7 @@ from motor_sysid.physics.buffer import (
     begin_step,
     call_all,
     clear,
+    confine,
     evaluate_rates,
     hold_input,
     keep,
@@ -69,7 +70,7 @@ OMEGA, THETA = ARGUMENTS.index('omega'), ARGUMENTS.index('theta')
 @njit(cache=True, nogil=True, error_model='numpy')
 def run_block(  # type: ignore[no-untyped-def]
     whole, phi1_force, phi2_force, width, wide, coarse, substeps, dt, t0, first, count,
-    inputs, late, position, places, push, buffer, base, state,
+    inputs, late, position, half, places, push, buffer, base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
     linear, slope_calls, slope_force, slope_rows, sensor_calls,
@@ -103,6 +104,8 @@ def run_block(  # type: ignore[no-untyped-def]
         (W,) whole samples that the input is late by.
     position:
         (N,) or (N + 1,) measured position for laws that depend on it, or empty.
+    half:
+        Half the width of its counts, rad; the simulated position counts within them.
     places:
         (3, W) where each lane has rows of its own: its first one, and the lowest and one past the
         highest that it may see; or (3, 0).
@@ -153,6 +156,7 @@ def run_block(  # type: ignore[no-untyped-def]
             speed_row = j
         elif state_rows[j] == THETA:
             position_row = j
+    half = half if position_row >= 0 else 0.0
     if position_row >= 0 and speed_row >= 0:
         for k in range(wide):  # before the first sample: as if the speed had been held
             previous[position_row, k] -= dt * x[speed_row, k]
@@ -166,18 +170,19 @@ def run_block(  # type: ignore[no-untyped-def]
                 meet(wide, position, places, sample, here)
             for k in range(wide):
                 p[time_at + k] = begins[k]
-            load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
+            load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, half, h)
             clear(wide, p, output_sensor)
             call_all(wide, base, sensor_calls, 0, sensor_calls.shape[0])
         show(
             wide, p, x, previous, 1.0 / dt, output_state, output_rate, output_bias, output_sensor,
             sensor_calls.shape[0] > 0, outputs, sample - first,
         )  # fmt: skip
-        for j in range(n):
-            for k in range(wide):
-                previous[j, k] = x[j, k]
-
+        if follows and half > 0.0:
+            meet(wide, position, places, sample, here)
+            confine(wide, x[position_row], here, half)
         for k in range(wide):
+            for j in range(n):
+                previous[j, k] = x[j, k]
             now[k] = begins[k]
         if fine > 0:
             remember(wide, p, memory_offset, kept)
@@ -211,10 +216,10 @@ def run_block(  # type: ignore[no-untyped-def]
                 follow(wide, position, places, sample, passed, there)
 
             if n_jumps > 0:
-                begin_step(wide, p, x, position_row, follows, here, h)
+                begin_step(wide, p, x, position_row, follows, here, half, h)
 
             # stage 0: every law at the state
-            load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, h)
+            load_state(wide, p, x, state_rows, position_row, speed_row, follows, here, half, h)
             clear(wide, p, force_rows)
             call_all(wide, base, lane_calls, 0, stiff_count)
             keep(wide, begun, p, force_rows)
@@ -250,7 +255,7 @@ def run_block(  # type: ignore[no-untyped-def]
 
             # stage 1: every law at the predicted state
             load_state(
-                wide, p, predicted, state_rows, position_row, speed_row, follows, there, h
+                wide, p, predicted, state_rows, position_row, speed_row, follows, there, half, h
             )
             if n_memory > 0:
                 evaluate_rates(wide, p, base, rate_calls, memory_rate)
@@ -305,7 +310,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 push_late(wide, x, phi1_force, phi2_force, piece, share, jump)
             if n_jumps > 0:
                 load_state(
-                    wide, p, x, state_rows, position_row, speed_row, follows, there, h
+                    wide, p, x, state_rows, position_row, speed_row, follows, there, half, h
                 )
                 add_jumps(
                     wide, p, base, x, jump_calls, jump_state, jump_rows, lane_calls, n_lanes,

@@ -366,6 +366,7 @@ class Program:
             drive.inputs,
             workspace.late,
             drive.position if self.reads_angle else _EMPTY,
+            0.5 * drive.count,
             places,
             np.empty((0, 2, len(self.kind.forces), LANES)) if push is None else push,
             workspace.buffer,

@@ -151,7 +151,8 @@ def _can_join(drives: Sequence[Drive]) -> bool:
 def _joined(drives: Sequence[Drive]) -> Drive:
     """Return the drives one after the other as one."""
     inputs = np.concatenate([drive.inputs for drive in drives])
-    return Drive(inputs, drives[0].dt, 0.0, np.concatenate([drive.position for drive in drives]))
+    position, count = np.concatenate([d.position for d in drives]), max(d.count for d in drives)
+    return Drive(inputs, drives[0].dt, 0.0, position, count=count)
 
 
 def _packed(pieces: Sequence[Piece], lanes: int) -> list[list[Piece]]:

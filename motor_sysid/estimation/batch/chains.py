@@ -177,6 +177,7 @@ def _window(
             drive.start + begin * drive.dt,
             drive.position[begin:last],
             drive.speed,
+            drive.count,
         ),
     )
 
