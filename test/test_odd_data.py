@@ -35,12 +35,12 @@ def logged(seed: int, late: int) -> Record:
 def test_a_voltage_logged_a_row_late_is_told_beside_an_unknown_effect():
     found = diagnose([logged(1, 1)], [logged(2, 1)])
     assert found.verdict is Verdict.UNKNOWN_EFFECT
-    assert any('answers voltage within the same row' in w for w in found.warnings)
-    assert any('shift: -1' in w for w in found.warnings)
+    assert 'answers voltage within the same row' in found.reasons[0]
+    assert 'shift: -1' in found.reasons[0]
 
 
 def test_in_order_the_friction_is_named_and_nothing_is_odd():
     found = diagnose([logged(1, 0)], [logged(2, 0)])
     assert found.effects[0] == 'coulomb_friction'
     assert found.model['coulomb_friction.tau_c'] > 0.9 * 2.5e-3 * 4.0 / 0.018
-    assert not any('The data may be to blame' in w for w in found.warnings)
+    assert not any('The data may be to blame' in r for r in found.reasons)

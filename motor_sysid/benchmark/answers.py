@@ -169,7 +169,7 @@ def _stribeck(b: Bench) -> Values:
 
 
 def _saturation(b: Bench) -> Values:
-    return {'s': 0.42 / b.plant.i_sat, 'i_k': 0.37 * b.plant.i_sat}
+    return {'a': 1.0, 'i_k': 1.09 * b.plant.i_sat}
 
 
 def _soft_iron(b: Bench) -> Values:

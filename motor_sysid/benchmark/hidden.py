@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
 
 from motor_sysid.benchmark.datasheets import DataSheet
 from motor_sysid.benchmark.plant import Plant
@@ -145,7 +146,9 @@ def torque_constant_saturation(
 ) -> Plant:
     """Torque constant that has fallen by 3 times `size` at three times the rated current."""
     current = 3 * s.sheet.torque / p.k
-    return p._replace(i_sat=current / np.sqrt(1 / (1 - 3 * size) ** 2 - 1))
+    left = 1 - 3 * size
+    share = brentq(lambda x: np.tanh(x) / x - left, 1e-3, 1 / left)
+    return p._replace(i_sat=current / share)
 
 
 def lugre_friction(p: Plant, size: float, s: Situation, rng: np.random.Generator) -> Plant:

@@ -39,7 +39,8 @@ class Plant(NamedTuple):
     inertia_gain, inertia_time:
         Relative rise of the inertia, and when, s.
     i_sat:
-        Current at which saturation leaves 0.71 of torque constant and back-EMF, A; 0 for none.
+        Current over which torque saturates, A; 0 for none: the constants are ``k tanh(x) / x``
+        with ``x`` the current over this one.
     bristle, bend, stiction:
         LuGre friction: Coulomb torque, N m, bend at which bristles slip, rad, and stiction over
         Coulomb torque at speeds well below `omega_s`; its damping is critical at rest.

@@ -275,7 +275,8 @@ def _constant(plant, i, theta):  # type: ignore[no-untyped-def]
         k *= 1.0 + plant.ripple * np.sin(plant.ripple_order * theta + plant.ripple_angle)
     if plant.i_sat == 0.0:
         return k
-    return k / np.sqrt(1.0 + (i / plant.i_sat) ** 2)
+    share = abs(i) / plant.i_sat
+    return k * np.tanh(share) / share if share > 1e-6 else k
 
 
 @njit(cache=True, error_model='numpy')

@@ -86,10 +86,10 @@ def diagnose(
 
 
 def with_what_data_may_hide(diagnosis: Diagnosis, records: Sequence[Record]) -> Diagnosis:
-    """Return the diagnosis; where something unknown is missing, with what is odd about the data.
+    """Return the diagnosis; where something unknown is missing, first with what is odd about data.
 
     A signal that is out of step, or flat where it should not be, looks like physics that no
-    catalogue holds.
+    catalogue holds; so that comes before all that is said of such physics.
     """
     if diagnosis.verdict is not Verdict.UNKNOWN_EFFECT:
         return diagnosis
@@ -97,7 +97,7 @@ def with_what_data_may_hide(diagnosis: Diagnosis, records: Sequence[Record]) -> 
     said = [
         f'The data may be to blame: {f.message}. To do: {f.remedy or "look at them"}' for f in odd
     ]
-    return replace(diagnosis, warnings=(*said, *diagnosis.warnings))
+    return replace(diagnosis, reasons=(*said, *diagnosis.reasons))
 
 
 def with_threshold(diagnosis: Diagnosis, threshold: Threshold) -> Diagnosis:

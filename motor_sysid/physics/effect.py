@@ -92,7 +92,6 @@ class Scale(Enum):
     DRAG = 'torque / speed^2'
     SPEED = 'speed'
     CURRENT = 'current'
-    PER_CURRENT = '1 / current'
     ANGLE = 'speed * sample time'
     VOLTAGE = 'voltage'
     PER_VOLTAGE = '1 / voltage'

@@ -32,7 +32,6 @@ class Scales:
             Scale.DRAG: self.torque / self.speed**2,
             Scale.SPEED: self.speed,
             Scale.CURRENT: self.current,
-            Scale.PER_CURRENT: 1.0 / self.current,
             Scale.ANGLE: self.speed * self.sample,
             Scale.VOLTAGE: self.voltage,
             Scale.PER_VOLTAGE: 1.0 / self.voltage,
