@@ -34,6 +34,7 @@ from motor_sysid.diagnosis.verdict import (
     related,
     RIVAL_BIC,
     RIVAL_SHARE,
+    SPECIAL_SHARE,
     winner_of,
 )
 from motor_sysid.estimation.batch import Weighting
@@ -154,6 +155,7 @@ def refitted(
             chosen += further
             trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
         trials = _beside_the_best(trials, level, bench, pool)
+        trials = _special_cases_settled(trials, level, bench)
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
         winner = winner_of(passing) if passing else None
@@ -174,6 +176,24 @@ def _beside_the_best(
     again = pool.map(lambda t: try_beside(t, best, level, bench), others)
     mended = dict(zip((t.key for t in others), again, strict=True))
     return [mended.get(t.key, t) for t in trials]
+
+
+def _special_cases_settled(
+    trials: Sequence[Trial], level: Level, bench: Bench
+) -> list[Trial]:
+    """Return the trials; special cases of the best one that explain most of it fitted in full.
+
+    They would take its place, did they pass; and a fit to some of the data may just fail.
+    """
+    best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
+    if best is None:
+        return list(trials)
+    covered, enough = best.scored.variant.effect.card.generalises, SPECIAL_SHARE * best.delta_bic
+    return [
+        settled(t, level, bench)
+        if not t.passes and t.key in covered and t.delta_bic > enough else t
+        for t in trials
+    ]  # fmt: skip
 
 
 def helps(trials: Sequence[Trial]) -> bool:
