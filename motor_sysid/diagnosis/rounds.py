@@ -30,6 +30,7 @@ from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
 from motor_sysid.diagnosis.variants import variants
 from motor_sysid.diagnosis.verdict import (
+    is_special,
     NEARLY_ALL,
     related,
     RIVAL_BIC,
@@ -213,7 +214,8 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
     """Return the model fitted from where a trial ended that is nothing itself, if that is better.
 
     The parameters of a model may end in a valley far astray.  What then gains by an amplitude that
-    is nothing, or impossible, and more than all that passes, has but found the way out.
+    is nothing, or impossible, and more than all that passes, has but found the way out; and so has
+    a wider law that ends where it is the model's own.
     """
     most = max((t.delta_bic for t in trials if t.passes), default=bench.threshold)
     nothing = [
@@ -221,16 +223,26 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
         if t.note in (UNCERTAIN, UNPHYSICAL) and t.delta_bic > most
         and t.gain_percent > MIN_FURTHER_GAIN_PERCENT
     ]  # fmt: skip
+    nothing += [t for t in trials if t.passes and t.scored.variant.inherits and is_special(t)]
     if not nothing:
         return rung
-    found = max(nothing, key=lambda t: t.gain_percent).rung.model
-    mine = [p.name for p in rung.model.parameters.free if p.name in found.parameters]
-    begun = rung.model.with_values({name: found[name] for name in mine})
-    begun = replace(begun, speed_sensor=found.speed_sensor)
+    begun = _begun_where(max(nothing, key=lambda t: t.gain_percent), rung.model)
     other = climb(begun, bench, weighting)
     gain = profile_cost(rung, bench, weighting)[0] - profile_cost(other, bench, weighting)[0]
     better = other.held.error_percent < rung.held.error_percent
     return other if better and gain > bench.threshold else rung
+
+
+def _begun_where(trial: Trial, model: Model) -> Model:
+    """Return a model with what it shares with a fitted trial, as that has it."""
+    found, card = trial.rung.model, trial.scored.variant.effect.card
+    values = {p.name: found[p.name] for p in model.parameters.free if p.name in found.parameters}
+    for key in set(card.generalises) & set(model.effects):
+        values |= {
+            f'{key}.{narrow}': found[f'{trial.key}.{wide}']
+            for wide, narrow in card.generalises[key]
+        }
+    return replace(model.with_values(values), speed_sensor=found.speed_sensor)
 
 
 def straightened(

@@ -96,12 +96,12 @@ def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
     Or any of it, where a shape of the wider law lies on its lower bound: it tells of no more.
     """
     covered = trial.scored.variant.effect.card.generalises
-    enough = -np.inf if _is_special(trial) else SPECIAL_SHARE * trial.delta_bic
+    enough = -np.inf if is_special(trial) else SPECIAL_SHARE * trial.delta_bic
     special = next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
     return trial if special is None else _simplest(special, passing)
 
 
-def _is_special(trial: Trial) -> bool:
+def is_special(trial: Trial) -> bool:
     """Whether a shape lies on its lower bound: bristles that do not bend, say."""
     names = [f'{trial.key}.{shape.name}' for shape in trial.scored.variant.effect.card.shapes]
     own = [trial.rung.model.parameters[n] for n in names if n in trial.rung.model.parameters]
