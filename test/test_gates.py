@@ -177,13 +177,13 @@ def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
     [
         ('coulomb_friction', 4.8, 0.6, True), ('coulomb_friction', 4.8, 0.4, False),
         ('coulomb_friction', 4.7, 0.6, False), ('', 4.98, 0.6, True), ('', 4.9, 0.6, False),
-        ('', 4.98, np.inf, True),
+        ('', 4.98, np.inf, True), ('', 4.9, np.inf, True), ('', 4.7, np.inf, False),
     ],
 )  # fmt: skip
 def test_what_may_be_nothing_in_the_last_fit_and_does_next_to_nothing_is_idle(
     before, error, sigma, idle
 ):
-    """A first effect must bring 1 % of the error, a further one 5 %."""
+    """A first effect must bring 1 % of the error, a further one 5 %, and one that is not seen."""
     def fitted(model, percent):
         held = SimpleNamespace(channel_percent={'speed': percent})
         return SimpleNamespace(model=model, held=held)

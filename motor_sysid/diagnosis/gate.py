@@ -208,11 +208,19 @@ def is_idle(rung: Rung, without: Rung, key: str) -> bool:
     """Whether an effect of the last fit may as well be nothing, and does next to nothing.
 
     In the last fit signs are sharper and noise is taken as it is.  Where a shape of a law is at
-    the end of what the data show, and its amplitude with it, the law may stand for any other.
+    the end of what the data show, and its amplitude with it, the law may stand for any other: the
+    more so where no amplitude is seen but in combination.
     """
     gain = 100 * (1 - combined_error(rung.held, without.held))
-    least = MIN_FURTHER_GAIN_PERCENT if without.model.effects else MIN_GAIN_PERCENT
+    further = bool(without.model.effects) or not is_seen(rung.model, key)
+    least = MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT
     return gain < least and not is_told(rung.model, key)
+
+
+def is_seen(model: Model, key: str) -> bool:
+    """Whether the data see some amplitude of an effect by itself."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+    return any(np.isfinite(p.sigma or 0.0) for p in own)
 
 
 def is_usual(one: Effect, model: Model) -> bool | None:
