@@ -30,6 +30,7 @@ from motor_sysid.diagnosis.rounds import (
     unseen,
 )
 from motor_sysid.diagnosis.rung import (
+    ASTRAY,
     climb,
     held_at_best,
     profile_cost,
@@ -197,13 +198,15 @@ class Engine:
         """Score every candidate and refit the best; return what they were added to, and them.
 
         `base` is the fit without effects, once there are some; `thorough` as in `refitted`.
-        Another speed sensor that held-out data speak against (where much is missing, the noise
-        model knows little of what is noise) is taken only where nothing helps with this one, and
+        Another speed sensor that errors speak against (where much is missing, the noise model
+        knows little of what is noise) is taken only where nothing helps with this one, and
         something with the other helps more than that sensor alone does harm.
         """
         scores = self.score(rung)
         other = with_better_sensor(rung, self.bench, scores.weighting)
-        doubtful = other.held.error_percent > SPOILED * rung.held.error_percent
+        doubtful = other.held.error_percent > SPOILED * rung.held.error_percent or (
+            ASTRAY * other.training.error_percent > rung.training.error_percent
+        )
         if other is not rung and not doubtful:
             rung, scores = self.seen_by(other)
         trials = self.refits(scores, rung, base, thorough=thorough)

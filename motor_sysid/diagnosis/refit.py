@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.gate import feeds, UNPHYSICAL
 from motor_sysid.diagnosis.rung import (
+    ASTRAY,
     climb,
     FINER,
     judge,
@@ -103,7 +104,11 @@ def try_roughly(
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
-    return max(found, key=lambda trial: (trial.passes, trial.delta_bic))
+    least = min(trial.rung.training.error_percent for trial in found)
+    return max(
+        found,
+        key=lambda t: (t.passes, ASTRAY * t.rung.training.error_percent < least, t.delta_bic),
+    )
 
 
 def _followed(

@@ -24,7 +24,7 @@ from motor_sysid.diagnosis.refit import (
     try_roughly,
     try_thoroughly,
 )
-from motor_sysid.diagnosis.rung import climb, leaves_much, profile_cost, Rung, slopes
+from motor_sysid.diagnosis.rung import ASTRAY, climb, leaves_much, profile_cost, Rung, slopes
 from motor_sysid.diagnosis.score import score, Scored, Scores
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
@@ -59,6 +59,10 @@ this much behind it, or if it is a wider or a narrower form of the winner: it is
 OUTSHINES = 20.0
 """Fall of the held-out error, in percent, with which what has no evidence outshines what has some
 and lowers that error by less than `MIN_FURTHER_GAIN_PERCENT`."""
+
+BLIND = 1e-3
+"""Relative rise of the whitened squares that is none where the training error falls that much: a
+noise model that took what is missing for noise sees little else."""
 
 WORTH_IT = 0.2 * MIN_FURTHER_GAIN_PERCENT
 """Fall of the held-out error after a rough fit, in percent, from which on a further effect is
@@ -215,7 +219,8 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
 
     The parameters of a model may end in a valley far astray.  What then gains by an amplitude that
     is nothing, or impossible, and more than all that passes, has but found the way out; and so has
-    a wider law that ends where it is the model's own.
+    a wider law that ends where it is the model's own, and maybe what lowers the training error
+    most.
     """
     most = max((t.delta_bic for t in trials if t.passes), default=bench.threshold)
     nothing = [
@@ -224,13 +229,19 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
         and t.gain_percent > MIN_FURTHER_GAIN_PERCENT
     ]  # fmt: skip
     nothing += [t for t in trials if t.passes and t.scored.variant.inherits and is_special(t)]
-    if not nothing:
-        return rung
-    begun = _begun_where(max(nothing, key=lambda t: t.gain_percent), rung.model)
-    other = climb(begun, bench, weighting)
-    gain = profile_cost(rung, bench, weighting)[0] - profile_cost(other, bench, weighting)[0]
-    better = other.held.error_percent < rung.held.error_percent
-    return other if better and gain > bench.threshold else rung
+    lowest = min(trials, key=lambda t: t.rung.training.error_percent, default=None)
+    ways = [max(nothing, key=lambda t: t.gain_percent)] if nothing else []
+    if lowest and lowest.rung.training.error_percent < ASTRAY * rung.training.error_percent:
+        ways += [lowest] if lowest not in ways else []
+    best, least = rung, profile_cost(rung, bench, weighting)[0]
+    for way in ways:
+        other = climb(_begun_where(way, rung.model), bench, weighting)
+        cost = profile_cost(other, bench, weighting)[0]
+        falls = other.training.error_percent < ASTRAY * best.training.error_percent
+        allowed = (1.0 + BLIND) * least if falls else least - bench.threshold
+        if other.held.error_percent < best.held.error_percent and cost < allowed:
+            best, least = other, cost
+    return best
 
 
 def _begun_where(trial: Trial, model: Model) -> Model:

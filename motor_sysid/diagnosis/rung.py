@@ -44,6 +44,10 @@ SPOILED = 1.02
 evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
 tell, a fit in which one effect takes the place of another, or one with another speed sensor."""
 
+ASTRAY = 0.9
+"""Training error of one fit over that of another, below which the other's parameters are astray,
+whatever a noise model says that took what is missing for noise."""
+
 LOST = 5.0
 """Held-out error in units of the sensor noise from which on what is missing may pass for noise,
 and parameters may be far astray."""
