@@ -89,8 +89,12 @@ def test_a_fit_gone_astray_begins_again_where_a_trial_that_is_nothing_ended():
     far = right.model.with_values({'L': 50 * right.model['L']}).with_free(['L'], free=False)
     valley = climb(far, bench)
     valley = judge(replace(valley.result, model=valley.model.with_free(['L'])), bench)
+    scored = SimpleNamespace(
+        variant=SimpleNamespace(inherits=False, effect=effect('coulomb_friction'))
+    )
+    quiet = replace(right, training=valley.training)
     trial = SimpleNamespace(
-        rung=right, note=UNCERTAIN, passes=False, delta_bic=900.0, gain_percent=60.0
+        rung=quiet, note=UNCERTAIN, passes=False, delta_bic=900.0, gain_percent=60.0, scored=scored
     )
     weighting = right.result.weighting
 
@@ -103,13 +107,40 @@ def test_a_fit_gone_astray_begins_again_where_a_trial_that_is_nothing_ended():
     assert back(note=NO_EVIDENCE) is valley
     assert back(passes=True) is valley
     weak, strong = (
-        SimpleNamespace(note='', passes=True, delta_bic=gain) for gain in (899.0, 901.0)
+        SimpleNamespace(rung=quiet, note='', passes=True, delta_bic=gain, scored=scored)
+        for gain in (899.0, 901.0)
     )
     assert led_back([weak, trial], valley, bench, weighting).model == found.model
     assert led_back([strong, trial], valley, bench, weighting) is valley
     assert back(delta_bic=5.0) is valley
     assert back(gain_percent=4.0) is valley
     assert led_back([trial], right, bench, weighting) is right
+    lower = back(note=NO_EVIDENCE, rung=right)
+    assert right.training.error_percent < 0.9 * valley.training.error_percent
+    assert lower.model['L'] == pytest.approx(right.model['L'], rel=1e-3)
+
+
+def test_a_wider_law_that_ends_where_it_is_the_models_own_shows_it_the_way():
+    hidden = {'brush_voltage_drop': {'v_b': 1.0}}
+    bench, rung = prepared(records(hidden, kinds=('steps',), seconds=3.0), SpeedSensor.DIFFERENCE)
+    wide = rung.model.with_effect('inverter_dead_time', {'v_d': 1.0, 'i_0': 0.1}, bench.scales)
+    low = wide.parameters['inverter_dead_time.i_0'].lower
+    wide = wide.with_values({'inverter_dead_time.i_0': low, 'R': 2.1, 'b': 1.3e-5})
+    astray = rung.model.with_effect('brush_voltage_drop', {'v_b': 0.1}, bench.scales)
+    held = climb(astray.with_free(['brush_voltage_drop.v_b'], free=False), bench)
+    model = held.model.with_free(['brush_voltage_drop.v_b'])
+    valley = judge(replace(held.result, model=model), bench)
+    trial = SimpleNamespace(
+        key='inverter_dead_time', passes=True, note='', delta_bic=900.0, gain_percent=60.0,
+        rung=replace(valley, result=replace(valley.result, model=wide)),
+        scored=SimpleNamespace(
+            variant=SimpleNamespace(inherits=True, effect=effect('inverter_dead_time'))
+        ),
+    )  # fmt: skip
+    found = led_back([trial], valley, bench, valley.result.weighting)
+    assert found.model['brush_voltage_drop.v_b'] == pytest.approx(1.0, rel=0.02)
+    trial.scored.variant.inherits = False
+    assert led_back([trial], valley, bench, valley.result.weighting) is valley
 
 
 def test_rungs_that_were_taken_back_are_not_told():

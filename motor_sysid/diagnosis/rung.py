@@ -44,6 +44,9 @@ SPOILED = 1.02
 evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
 tell, a fit in which one effect takes the place of another, or one with another speed sensor."""
 
+NOTHING = 1e-2
+"""Base parameter over its first guess, below which it counts as fallen to nothing."""
+
 ASTRAY = 0.9
 """Training error of one fit over that of another, below which the other's parameters are astray,
 whatever a noise model says that took what is missing for noise."""
@@ -135,15 +138,16 @@ def climb(
 
 
 def lost(model: Model, bench: Bench) -> dict[str, float]:
-    """Return base parameters that lie on their lower bound to their first guess, if that is more.
+    """Return base parameters that have fallen to nothing to their first guess, if that is more.
 
     While an effect is missing, a friction may fall to nothing; from there the fit of its logarithm
     has no slope to climb back.
     """
     return {
-        p.name: bench.begun[p.name]
+        p.name: first
         for p in model.parameters.free
-        if p.logarithmic and p.on_bound and p.value < bench.begun.get(p.name, 0.0)
+        if p.logarithmic
+        and p.value < (first := bench.begun.get(p.name, 0.0)) * (1.0 if p.on_bound else NOTHING)
     }
 
 
