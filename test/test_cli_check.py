@@ -15,6 +15,7 @@ from motor_sysid import __version__
 from motor_sysid.cli import main, VERBS
 from motor_sysid.cli.common import add_data_arguments, load_data
 from motor_sysid.errors import UserError
+from motor_sysid.physics.datasheet import load_datasheet
 from motor_sysid.recording.save import write_record
 
 RPM = 60 / (2 * np.pi)
@@ -181,3 +182,12 @@ def test_an_option_that_is_given_twice_keeps_both(tmp_path):
         args = parser.parse_args(['train.csv', *map(str, given)])
         assert args.validate == [first, second]
     assert parser.parse_args(['train.csv']).validate == []
+
+
+def test_a_data_sheet_of_which_nothing_is_understood_is_refused(tmp_path):
+    sheet = tmp_path / 'sheet.yaml'
+    sheet.write_text('values: {J: 1e-4}\n')
+    with pytest.raises(UserError, match=r'understood \(values\).*inertia_total_kgm2'):
+        load_datasheet(sheet)
+    sheet.write_text('nominal: {inertia_total_kgm2: 1.0e-4}\nprice: 30\n')
+    assert load_datasheet(sheet).nominal == {'J': 1e-4}

@@ -1,8 +1,11 @@
 """Where something unknown is missing, the diagnosis says what is odd about the data."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.diagnose import beyond_training
 from motor_sysid.signals.record import Record
 
 DT, PARTS = 0.02, 400
@@ -44,3 +47,18 @@ def test_in_order_the_friction_is_named_and_nothing_is_odd():
     assert found.effects[0] == 'coulomb_friction'
     assert found.model['coulomb_friction.tau_c'] > 0.9 * 2.5e-3 * 4.0 / 0.018
     assert not any('The data may be to blame' in r for r in found.reasons)
+
+
+def chains(most: float, scored_from: int = 0):
+    """Return chains of a stretch whose speed swings that far, and further before it counts."""
+    speed = most * np.sin(0.1 * np.arange(400))
+    speed[:scored_from] *= 10.0
+    record = Record(DT * np.arange(400), {'speed': speed}, {'speed': 'rad/s'})
+    return [(SimpleNamespace(record=record, scored=True, scored_from=scored_from),)]
+
+
+def test_held_out_data_that_go_much_further_are_told_with_how_far():
+    (said,) = beyond_training(chains(10.0), chains(20.0))
+    assert 'speed to 20 rad/s (training: 10)' in said
+    assert beyond_training(chains(10.0), chains(14.0)) == ()
+    assert beyond_training(chains(10.0), chains(14.0, scored_from=200)) == ()

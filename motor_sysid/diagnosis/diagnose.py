@@ -3,6 +3,8 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
@@ -19,11 +21,17 @@ from motor_sysid.diagnosis.setup import (
     with_scales,
 )
 from motor_sysid.diagnosis.threshold import Threshold
+from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.doctor import examine
 from motor_sysid.signals.finding import Severity
 from motor_sysid.signals.record import Record
+
+_REACHING = ('speed', 'current', 'current_q', 'voltage', 'voltage_q', 'torque', 'force')
+
+FURTHER = 1.5
+"""How many times larger signals of held-out records must be, so that this is told."""
 
 
 def diagnose(
@@ -82,14 +90,18 @@ def diagnose(
     )
     bench = replace(bench, threshold=threshold.delta_bic)
     found = Engine(bench, candidates, settings, tell, nominal or {}).run(climb(model, bench))
-    return with_threshold(with_what_data_may_hide(found, records), threshold)
+    further = beyond_training(bench.train_free, bench.held_free)
+    return with_threshold(with_what_data_may_hide(found, records, further), threshold)
 
 
-def with_what_data_may_hide(diagnosis: Diagnosis, records: Sequence[Record]) -> Diagnosis:
+def with_what_data_may_hide(
+    diagnosis: Diagnosis, records: Sequence[Record], further: Sequence[str] = ()
+) -> Diagnosis:
     """Return the diagnosis; where something unknown is missing, first with what is odd about data.
 
     A signal that is out of step, or flat where it should not be, looks like physics that no
-    catalogue holds; so that comes before all that is said of such physics.
+    catalogue holds; so that comes before all that is said of such physics, and what `further` is
+    to be said of the data after it.
     """
     if diagnosis.verdict is not Verdict.UNKNOWN_EFFECT:
         return diagnosis
@@ -97,7 +109,38 @@ def with_what_data_may_hide(diagnosis: Diagnosis, records: Sequence[Record]) -> 
     said = [
         f'The data may be to blame: {f.message}. To do: {f.remedy or "look at them"}' for f in odd
     ]
-    return replace(diagnosis, reasons=(*said, *diagnosis.reasons))
+    return replace(diagnosis, reasons=(*said, *further, *diagnosis.reasons))
+
+
+def beyond_training(train: Sequence[Chain], held: Sequence[Chain]) -> tuple[str, ...]:
+    """Say where the held-out data go much further than the training data, if they do.
+
+    What shows only there (a bridge that loses voltage at high currents, a drag) cannot be learnt
+    from the training data, however clearly the held-out ones miss it.
+    """
+    further = []
+    for name in _REACHING:
+        known, seen = _largest(train, name), _largest(held, name)
+        if known > 0.0 and seen > FURTHER * known:
+            unit = train[0][0].record.units[name]
+            further.append(
+                f'{name.replace("_", " ")} to {seen:.3g} {unit} (training: {known:.3g})'
+            )
+    if not further:
+        return ()
+    return (
+        f'The held-out data go further than the training data: {", ".join(further)}. What is '
+        'missing may show only there. To do: train on such data, too',
+    )
+
+
+def _largest(chains: Sequence[Chain], name: str) -> float:
+    """Return the size of a signal that one sample in a hundred of some stretch exceeds."""
+    parts = [
+        s.record[name][s.scored_from :]
+        for chain in chains for s in chain if s.scored and name in s.record
+    ]  # fmt: skip
+    return max((float(np.percentile(np.abs(part), 99.0)) for part in parts), default=0.0)
 
 
 def with_threshold(diagnosis: Diagnosis, threshold: Threshold) -> Diagnosis:

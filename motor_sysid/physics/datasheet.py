@@ -35,6 +35,7 @@ _SYMBOLS = {
     'inductance_line_line_H': 'L',
     'back_emf_constant_line_line_Vs_per_rad': 'k_e',
 }
+_KNOWN = {'motor_type', 'supply_voltage_V', 'encoder_counts_per_rev'}
 _BETWEEN_TERMINALS = '_line_line_'
 """In the name of what is measured between two terminals: twice the value of a phase."""
 _OF_A_PHASE = 'phase_'
@@ -63,7 +64,8 @@ def load_datasheet(path: str | Path) -> Datasheet:
     Raises
     ------
     UserError
-        If the file cannot be read, is not YAML, or a value is no positive number.
+        If the file cannot be read, is not YAML, says nothing that is understood, or a value is no
+        positive number.
     """
     try:
         text = Path(path).read_text(encoding='utf-8')
@@ -87,6 +89,12 @@ def load_datasheet(path: str | Path) -> Datasheet:
         )
     if _whole(kind) and 'k_e' in nominal:
         nominal.setdefault('k_t', nominal['k_e'])
+    if not (set(content) & _KNOWN or nominal):
+        raise UserError(
+            f'data sheet {path} says nothing that is understood ({", ".join(map(str, content))}); '
+            f'it may have {", ".join(sorted(_KNOWN))}, and under `nominal` '
+            f'{", ".join(_SYMBOLS)}'
+        )
     if 'supply_voltage_V' in content:
         nominal['v_free'] = _positive(path, 'supply_voltage_V', content['supply_voltage_V'])
     return Datasheet(kind, nominal)
