@@ -17,6 +17,7 @@ from motor_sysid.diagnosis.rounds import (
     straightened,
     tried_instead,
     unpromised,
+    unseen,
 )
 from motor_sysid.diagnosis.rung import climb, judge
 from motor_sysid.diagnosis.score import score, Scored, Scores
@@ -141,6 +142,39 @@ def test_a_wider_law_that_ends_where_it_is_the_models_own_shows_it_the_way():
     assert found.model['brush_voltage_drop.v_b'] == pytest.approx(1.0, rel=0.02)
     trial.scored.variant.inherits = False
     assert led_back([trial], valley, bench, valley.result.weighting) is valley
+
+
+def test_what_the_motor_mimics_is_seen_all_the_same_where_it_has_evidence():
+    def one(key, overlap, evidence):
+        return replace(a_score(key, evidence, finite=False), overlap=overlap)
+
+    singles = [
+        one('constant_load_torque', 0.99999, 600.0), one('current_sensor_scale', 1.0, 0.0),
+        one('gravity_load', 0.5, -3.0), one('flexible_shaft', 0.99999, -3.0),
+        one('flexible_shaft', 0.3, -3.0),
+    ]  # fmt: skip
+    assert unseen(SimpleNamespace(singles=singles)) == {'current_sensor_scale'}
+
+
+@pytest.mark.parametrize(
+    ('key', 'evidence', 'passes', 'fitted'),
+    [
+        ('constant_load_torque', 99.0, False, True), ('constant_load_torque', 49.0, False, False),
+        ('constant_load_torque', 99.0, True, False), ('quadratic_drag', 99.0, False, False),
+    ],
+)  # fmt: skip
+def test_a_special_case_that_explains_most_is_fitted_in_full_before_it_is_refused(
+    monkeypatch, key, evidence, passes, fitted
+):
+    def trial(key, evidence, passes):
+        scored = SimpleNamespace(variant=SimpleNamespace(effect=effect(key)))
+        return SimpleNamespace(key=key, delta_bic=evidence, passes=passes, scored=scored)
+
+    monkeypatch.setattr(rounds, 'settled', lambda trial, level, bench: 'fitted')
+    best, other = trial('load_torque_step', 100.0, passes=True), trial(key, evidence, passes)
+    found = rounds._special_cases_settled([best, other], None, None)
+    assert found == [best, 'fitted' if fitted else other]
+    assert rounds._special_cases_settled([other], None, None) == [other]
 
 
 def test_rungs_that_were_taken_back_are_not_told():
