@@ -122,7 +122,7 @@ def beyond_training(train: Sequence[Chain], held: Sequence[Chain]) -> tuple[str,
     for name in _REACHING:
         known, seen = _largest(train, name), _largest(held, name)
         if known > 0.0 and seen > FURTHER * known:
-            unit = train[0][0].record.units[name]
+            unit = next(s.record.units[name] for c in train for s in c if name in s.record)
             further.append(
                 f'{name.replace("_", " ")} to {seen:.3g} {unit} (training: {known:.3g})'
             )
