@@ -9,6 +9,7 @@ doi:10.2307/2347496.)
 from collections.abc import Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.estimation.batch import Problem, Weighting
@@ -16,6 +17,8 @@ from motor_sysid.estimation.batch.information import Information
 from motor_sysid.estimation.batch.least_squares import minimize
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
 
 CHANCE, NORMAL = 3.84, 1.96
 """Rise of the weighted sum of squares at the ends of a 95 % interval, and where these lie."""
@@ -63,7 +66,7 @@ def _doubled(begun: float, last: float) -> Iterator[float]:
 def _width(
     model: Model,
     name: str,
-    moves: np.ndarray,
+    moves: Array,
     bench: Bench,
     weighting: Weighting,
     allowed: float,

@@ -1,6 +1,5 @@
 """Standard errors of the last fit, where its derivatives at one place tell too little."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -46,7 +45,7 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     return replace(rung.result, model=model, covariance=spread.covariance)
 
 
-def _named(problem: Problem, sigma: Sequence[float] | Array) -> dict[str, float]:
+def _named(problem: Problem, sigma: Array) -> dict[str, float]:
     return {p.name: float(s) for p, s in zip(problem.free, sigma, strict=True)}
 
 

@@ -101,9 +101,9 @@ def describe(
     doi:10.1093/biomet/73.1.13.)  A prior of precision ``P`` adds ``P`` to ``H`` and to ``S``.
 
     With `stationary` the same is taken of errors that are stationary noise, however long
-    correlated, and each standard deviation is the larger of the two, for the sandwich alone says
-    too little where few blocks count.  (Angrist and Pischke, Mostly Harmless Econometrics, 2009,
-    section 8.1.)
+    correlated, and of what an estimate moves by as each block is left out; each standard deviation
+    is the largest of the three, for the sandwich alone says too little where few blocks count.
+    (Angrist and Pischke, Mostly Harmless Econometrics, 2009, section 8.1.)
     """
     found = scores_of(near, weighting)
     curvature, scores = found.curvature + problem.precision, found.blocks
@@ -125,7 +125,7 @@ def describe(
     if stationary:
         noise = whole @ stationary_scores(near, weighting) @ whole
         covariance = _at_least(covariance, noise + whole @ believed @ whole)
-        apart = jackknife(found, boxed, size)
+        apart = _jackknife(found, boxed, size)
         covariance = _at_least(covariance, apart + whole @ believed @ whole)
     sigma = np.sqrt(np.diag(covariance)) * np.abs(slope)
     seen, positive = np.diag(curvature), np.array([p.logarithmic for p in problem.free])
@@ -136,11 +136,12 @@ def describe(
     return Spread(sigma, covariance * np.outer(slope, slope), words, told)
 
 
-def jackknife(found: Scores, curvature: Array, size: Array) -> Array:
+def _jackknife(found: Scores, curvature: Array, size: Array) -> Array:
     """Return the (d, d) covariance from how an estimate moves as one block of time is left out.
 
     Where few blocks tell of a parameter each of them draws the fit to itself, and the scores that
-    are left there are too small.  (Bell and McCaffrey, Survey Methodology 28, 2002, 169-181.)
+    are left there are too small.  `curvature` (d, d) is that of all, `size` (d,) its root on the
+    diagonal.  (Bell and McCaffrey, Survey Methodology 28, 2002, 169-181.)
     """
     scale = np.outer(size, size)
     moves = [

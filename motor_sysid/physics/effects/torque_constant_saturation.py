@@ -1,16 +1,16 @@
 """Saturated iron: the torque constant, and the back-EMF constant with it, falls with current.
 
 The fall begins as a parabola.  Far beyond the knee the saturated share is gone, and what is left
-is constant, so that torque never falls with current.  (Within 1 % of the full torque this is tanh,
-arc tangent, Froelich's hyperbola and an exponential; a straight line is 18 % off at ten times the
-knee.)
+is constant: with a share of at most 1 torque never falls with current.  (To about 1 % of the
+largest torque this fits tanh, arc tangent, Froelich's hyperbola and an exponential; a straight
+line is off by up to a fifth where currents reach ten times the knee.)
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
 from motor_sysid.physics.laws import law_function, sqrt
 
 _MOST = 1.3
-"""More than all of it: below a knee that is sharper than this law's a fit asks for that."""
+"""More than all: a fit to currents below a knee sharper than this law's asks for it."""
 
 CARD = Card(
     title='torque constant saturation',
