@@ -11,10 +11,19 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.compare import compare
 from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS
-from motor_sysid.diagnosis.rung import climb, FINER, judge, newton_step, Rung, slopes, some_of
+from motor_sysid.diagnosis.rung import (
+    BRIEF,
+    climb,
+    FINER,
+    judge,
+    newton_step,
+    Rung,
+    slopes,
+    some_of,
+)
 from motor_sysid.diagnosis.setup import Bench
 from motor_sysid.diagnosis.standard_errors import honest
-from motor_sysid.estimation.batch import FitResult, misfit, Weighting
+from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Weighting
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -33,14 +42,18 @@ SHARPER = 8
 WIDTHS = ('omega_eps', 'i_eps')
 """Widths of smoothed signs."""
 
-CHORDS = 4
-"""Most steps with the derivatives of coarser integration, before a fit begins anew."""
+CHORDS = 8
+"""Most steps with the same derivatives."""
 
 FINER_BY = 8
 """How much finer steps must change nothing, so that steps are fine enough."""
 
 JUDGE = 4
 """How much finer than the most that are allowed those steps are by which the others are judged."""
+
+NEARER = 0.5
+"""Error of finer steps, in units of that of coarser ones, from which on they are not worth it: it
+falls with the square of their length where nothing strikes."""
 
 BLUNT = 0.02
 """Error of blunt signs, as a share of what is left, that is not worth sharper ones."""
@@ -59,43 +72,46 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     """
     some = replace(bench, train=some_of(bench, rung.model))
     sharp, _ = _sharpened(rung.model, some, _like)
-    steps = _fine_enough(rung.model, some)
+    steps, right = _fine_enough(rung.model, some)
     if sharp is rung.model and steps == some.substeps:
-        return rung, replace(bench, wrong=_wrong(rung, some))
-    found, steps = _fitted(sharp, rung.result.weighting, some)
+        return rung, replace(bench, wrong=0.0 if right else _wrong(rung, some))
+    found, steps, right = _fitted(sharp, rung.result.weighting, some)
     if sharp is not rung.model:
         again = replace(some, substeps=steps)
-        other, finer = _fitted(rung.model, rung.result.weighting, again)
-        if misfit(other) < misfit(found):
-            found, steps = other, finer
-    rung = climb(found.model, replace(bench, substeps=steps), found.weighting)
-    wrong = _wrong(rung, replace(some, substeps=steps))
+        other = _fitted(rung.model, rung.result.weighting, again)
+        if misfit(other[0]) < misfit(found):
+            found, steps, right = other
+    rung = climb(found.model, replace(bench, substeps=steps), found.weighting, briefly=True)
+    wrong = 0.0 if right else _wrong(rung, replace(some, substeps=steps))
     return rung, replace(bench, substeps=steps, wrong=wrong)
 
 
-def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult, int]:
-    """Return a rough fit of a model in steps as fine as it asks for, and how many they are."""
+def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult, int, bool]:
+    """Return a rough fit in steps as fine as it asks for, how many, and if that is enough."""
     while True:
-        steps = _fine_enough(model, some)
+        steps, _ = _fine_enough(model, some)
         some = replace(some, substeps=steps)
         found = rough_fit(model, weighting, some, ROUGH_STEPS, finest=FINEST)
         model = found.model
-        if _fine_enough(model, some) == steps:
-            return found, steps
+        again, right = _fine_enough(model, some)
+        if again == steps:
+            return found, steps, right
 
 
-def _fine_enough(model: Model, bench: Bench) -> int:
-    """Return so many integration steps that what remains of their error is not worth more."""
-    steps = _steps(model, bench, FINER, _small)
+def _fine_enough(model: Model, bench: Bench) -> tuple[int, bool]:
+    """Return so many integration steps that more are not worth it, and if what they do is small.
+
+    Finer ones than `FINER` are worth it only where their error is not bearable.
+    """
+    steps, right = _steps(model, bench, FINER, _small)
     if steps < FINER:
-        return steps
-    return _steps(model, replace(bench, substeps=steps), FINEST, _bearable)
+        return steps, right
+    finer, _ = _steps(model, replace(bench, substeps=steps), FINEST, _bearable)
+    return finer, right and finer == steps
 
 
 def _wrong(rung: Rung, bench: Bench) -> float:
     """Return the share of the whitened squares that is the integration's; 0 for rounding."""
-    if bench.substeps < FINER:
-        return 0.0
     now, fine = _residuals(rung.model, bench), _residuals(rung.model, bench, JUDGE * FINEST)
     changes = _differences(fine, now)
     if _small(changes, now):
@@ -149,42 +165,65 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     model, changes = _sharpened(rung.model, some, small)
     if changes:
         blunt = moves(changes) / (1 if model is rung.model else SHARPER - 1)
-    steps = _steps(model, some, FINEST, small)
+    steps, right = _steps(model, some, FINEST, small)
     if steps != bench.substeps or model is not rung.model:
         bench = replace(bench, substeps=steps)
         if model is rung.model:
-            last = _followed(replace(rung, near=tuple(slopes(rung, start))), bench, sigma)
+            begun = replace(rung, near=tuple(slopes(rung, start)))
         else:  # where signs are sharper, derivatives are others
-            last = climb(model, bench, weighting, briefly=True)
-    if steps == FINEST:
-        runs = [_residuals(last.model, some, n) for n in (JUDGE * steps, steps)]
+            begun = _begun_sharp(rung, model, bench)
+        last, unsettled = _followed(begun, bench, sigma)
+        blunt = np.hypot(blunt, unsettled)
+    if not right:
+        runs = [_residuals(last.model, some, n) for n in (JUDGE * FINEST, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
     return replace(last, result=honest(last, bench, blunt)), bench
 
 
-def _followed(rung: Rung, bench: Bench, sigma: Array) -> Rung:
-    """Return the fit in finer steps of what was fitted in coarser ones.
+def _begun_sharp(rung: Rung, model: Model, bench: Bench) -> Rung:
+    """Return the fit of a model with sharper signs to some of the data, with derivatives on all.
 
-    That is near by, so that derivatives need not be taken again; where these lead nowhere, or
-    along a bound, it is fitted anew.
+    In steps that fine a fit to all of them would take most of the time of a diagnosis.
+    """
+    weighting = rung.result.weighting
+    found = rough_fit(model, weighting, bench, ROUGH_STEPS, reweight=0, finest=FINEST).model
+    problem = bench.problem(found)
+    near = tuple(problem.linearize(problem.vector()))
+    return replace(rung, result=replace(rung.result, model=found), near=near)
+
+
+def _followed(rung: Rung, bench: Bench, sigma: Array) -> tuple[Rung, Array]:
+    """Return the fit near a model in the steps of `bench`, and how far it may not be settled.
+
+    It begins with the derivatives that are known; where these lead nowhere, they are taken again
+    in these steps.  Where that leads nowhere either, the cost is rough, and the least that was
+    seen counts.  On a bound the model is fitted anew.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     lower, upper = problem.box()
     z, slope = problem.vector(), np.abs(problem.slope(problem.vector()))
-    coarse = problem.adopt(rung.near)
-    for runs in range(1, CHORDS + 1):
+    known: Sequence[Linearization] = problem.adopt(rung.near)
+    best, unsettled = Solution(z, np.inf, False, 0, 0), np.zeros(sigma.size)
+    for runs in range(1, 2 * CHORDS + 1):
+        if runs == CHORDS + 1:
+            z, known = best.z, problem.linearize(best.z)
         finer = problem.linearize(z, parameters=False)
-        near = [replace(a, residual=b.residual) for a, b in zip(coarse, finer, strict=True)]
+        near = [replace(a, residual=b.residual) for a, b in zip(known, finer, strict=True)]
         gradient, curvature, cost = normal_equations(near, weighting)
         move = newton_step(gradient, curvature)
         if not np.all(np.isfinite(move)) or np.any((z <= lower) | (z >= upper)):
-            break
-        z = np.clip(z + move, lower, upper)
-        if np.all(np.abs(move) * slope <= MOVE * sigma):
+            return climb(rung.model, bench, weighting, briefly=True), np.zeros(sigma.size)
+        promise, moved = float(move @ gradient), np.abs(move) * slope
+        if promise < BRIEF * cost or np.all(moved <= MOVE * sigma):
             near = [replace(one, residual=one.residual - one.slope @ move) for one in near]
-            solution = Solution(z, cost - float(move @ gradient), True, runs, runs, tuple(near))
-            return judge(result_at(problem, weighting, solution, runs, runs), bench, near)
-    return climb(rung.model, bench, weighting, briefly=True)
+            z = np.clip(z + move, lower, upper)
+            best, unsettled = Solution(z, cost - promise, True, runs, runs, tuple(near)), 0 * move
+            break
+        if cost < best.cost:
+            best, unsettled = Solution(z, cost, False, runs, runs, tuple(near)), moved
+        z = np.clip(z + move, lower, upper)
+    found = result_at(problem, weighting, best, best.simulations, best.iterations)
+    return judge(found, bench, best.near), unsettled
 
 
 def _sharper(model: Model) -> Model:
@@ -228,22 +267,27 @@ def _steps(
     bench: Bench,
     most: int,
     small: Callable[[Sequence[Array], Sequence[Array]], bool],
-) -> int:
-    """Return so many integration steps that more of them make a small change of the outputs."""
+) -> tuple[int, bool]:
+    """Return so many integration steps that more make a small change of the outputs, and if so.
+
+    Where even `most` come little nearer to what many more make of it, as where a law strikes or
+    chatters, finer steps bring nothing, and none are taken.
+    """
     steps = bench.substeps
     linear = model.kind.own is None and all(effect(key).card.linear for key in model.effects)
     if steps >= most or linear:
-        return steps
+        return steps, linear
     now = _residuals(model, bench)
     fine = _residuals(model, bench, FINER_BY * steps)
     if small(_differences(fine, now), now):
-        return steps
+        return steps, True
     if most > 2 * steps:
         fine = _residuals(model, bench, JUDGE * most)
     while 2 * steps < most:
         steps *= 2
         if small(_differences(fine, _residuals(model, bench, steps)), now):
-            return steps
-    return most
+            return steps, True
+    off = [_share(_differences(fine, r), now) for r in (now, _residuals(model, bench, most))]
+    return (most if off[1] < NEARER * off[0] else bench.substeps), False
 
 

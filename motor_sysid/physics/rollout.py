@@ -255,7 +255,8 @@ class Program:
 
         lengths = [len(drive.inputs) for drive in drives]
         apart = restarts if self.memory_offsets else range(len(drives))
-        if 2 * size <= LANES and not pushes and {0, *apart} >= set(range(len(drives))):
+        few = 2 * size <= LANES or len(drives) < threads <= threads * (LANES // size)
+        if few and not pushes and {0, *apart} >= set(range(len(drives))):
             found = run_side_by_side(self, table, drives, states, cut, threads)
             if found:
                 return found

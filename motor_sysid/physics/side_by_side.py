@@ -1,9 +1,10 @@
-"""Pieces of data that run at the same time, in the lanes of one block.
+"""Pieces of data that run at the same time, in the lanes of one block or in two threads.
 
-A step costs nearly the same for one lane as for 32.  Where few parameter vectors are simulated,
-stretches that know nothing of each other share a block.  A long stretch of a motor without memory
-is cut: after some time constants nothing is left of what its state was, so that a piece may begin
-that much earlier, at rest.  Where two pieces meet they must agree; otherwise nothing is cut.
+A step costs nearly the same for one lane as for eight.  Where few parameter vectors are simulated,
+stretches that know nothing of each other share a block; where many are, each thread has a block.
+A long stretch of a motor without memory is cut: after some time constants nothing is left of what
+its state was, so that a piece may begin that much earlier, at rest.  Where two pieces meet they
+must agree; otherwise nothing is cut.
 """
 
 from collections.abc import Sequence
@@ -86,7 +87,8 @@ def run_side_by_side(
         return []
     pieces = pieces_of(lengths, lanes * threads, run_in(program, table, drives))
     packs = _packed(pieces, max(min(lanes, -(-len(pieces) // threads)), 1))
-    if WORTH_IT * sum(len(pack[0]) for pack in packs) > sum(lengths):
+    busy = sum(len(pack[0]) for pack in packs) / (1 if lanes > 1 else threads)
+    if WORTH_IT * busy > sum(lengths):
         return []
     whole = _joined(drives)
     rows = np.cumsum([0, *lengths])
