@@ -1,20 +1,22 @@
 """Model reference adaptation: the model's parameters go down the gradient of its error.
 
 The motor is the reference, the equation ``x' c`` the adjustable model beside it (series-parallel,
-on the same filtered signals), and the normalized law
+on the same filtered signals).  The plain law, down the gradient of the present error, moves only
+along the present regressor: parameters that are excited little take minutes.  So the gradient is
+that of the integral of past errors, forgotten with weight ``f``:
 
-    c <- c + g G x e / (s^2 + x' G x),    e = y - x' c,
+    A <- f A + x x',    q <- f q + x y,    c <- c + g D^-1 (q - A c),    D = diag(A).
 
-drives their difference to zero: with ``G`` the prior variances the sum of ``(c - c*)' G^-1
-(c - c*)`` never grows for ``0 < g < 2`` and an exact equation.  (Landau 1974, A survey of model
-reference adaptive techniques, Automatica 10, doi:10.1016/0005-1098(74)90064-8; normalized as in
-Ioannou and Sun, Robust Adaptive Control, 1996, chapter 4.)
+Scaled like that ``A`` has no eigenvalue beyond its size ``d``, so that with ``g = 1/d`` every step
+goes down, and under persistent excitation the parameters converge exponentially.  No equation is
+ever solved.  (Landau 1974, A survey of model reference adaptive techniques, Automatica 10,
+doi:10.1016/0005-1098(74)90064-8; Kreisselmeier 1977, Adaptive observers with exponential rate of
+convergence, doi:10.1109/TAC.1977.1101401; Ioannou and Sun, Robust Adaptive Control, 1996, section
+4.3.5.)
 
-It costs least of all and has no memory to be lost, but moves only along the regressor: where
-parameters are excited unequally, the weak ones take long.  ``s``, a tenth of the largest value,
-keeps noise at standstill from moving anything.  The law itself knows no uncertainty; the
-covariance given here, ``P <- (I - K x') P (I - K x')' + K r K'``, follows from its gain ``K`` and
-holds for any.
+What never goes of ``A`` is as in `forgetting`.  The law itself knows no uncertainty; the covariance
+given here is that of least squares with the same memory, and how far the parameters still have to
+go to these.
 """
 
 from numba import njit
@@ -22,63 +24,59 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.learners.base import Learner, measure, off, weigh
+from motor_sysid.estimation.online.learners.forgetting import refresh
+from motor_sysid.estimation.online.learners.sandwich import add, close, Sandwich
 
 Array = NDArray[np.float64]
 
-_QUICK = 100.0
-"""The best excited direction is found in this part of the memory."""
-_PRIOR_NOISE = 0.1
-
 
 class Gradient(Learner):
-    """Normalized gradient; see `Learner` for the parameters."""
+    """Gradient of the integral of past errors; see `Learner` for the parameters."""
 
     def __init__(self, start: Array, sigma: Array, keep: float, block: int) -> None:
         super().__init__(start, sigma, keep, block)
-        self._rate = 1.0 - keep**_QUICK
-        self._covariance = np.diag(sigma**2)
-
-    def widen(self, sigma: Array) -> None:
-        """Know less beforehand."""
-        more = np.maximum(sigma, self.prior) ** 2 - self.prior**2
-        self._covariance += np.diag(more)
-        super().widen(sigma)
+        self._start = start.copy()
+        self._information = np.zeros((start.size, start.size))
+        self._target = np.zeros(start.size)
+        self._sums = Sandwich.empty(start.size, block)
 
     def update(self, x: Array, y: float) -> None:
         """Take regressors (d,) and the value that they explain."""
         _learn(
-            self.coefficients, self.prior, self._covariance, self._floor, self._numbers,
-            self._rate, float(self._block), x, y,
+            self.coefficients, self._start, self.prior, self._information, self._target,
+            self._floor, self._numbers, self._sums, self._keep, x, y,
         )  # fmt: skip
 
     def covariance(self) -> Array:
-        """Return what the gains left of the prior, and brought of the error."""
-        return self._covariance.copy()
+        """Return the sandwich, and the square of what is left of the way."""
+        if self._numbers[0] == 0.0:
+            return np.diag(self.prior**2)
+        away = self._target - self._information @ self.coefficients
+        left = np.linalg.solve(self._information, away)
+        parts = self.coefficients + left, self._information, self._floor, self.prior
+        return self._sums.covariance(*parts, self._numbers[0]) + np.outer(left, left)
 
 
 @njit(cache=True)
-def _learn(coefficients, prior, covariance, floor, numbers, rate, block, x, y):  # type: ignore[no-untyped-def]
+def _learn(  # type: ignore[no-untyped-def]
+    coefficients, start, prior, information, target, floor, numbers, sums, keep, x, y
+):
     """Take one sample, in place."""
-    begun, _ = measure(y, prior, floor, numbers)
+    begun, first = measure(y, prior, floor, numbers)
     if not begun:
         return
-    d, error = x.size, off(x, y, coefficients)
-    weight = weigh(error, numbers)
-    gain, norm = np.empty(d), (_PRIOR_NOISE * numbers[0]) ** 2
+    d = x.size
+    if first:
+        information[:] = np.diag(floor)
+        target[:] = floor * start
+    weight = weigh(off(x, y, coefficients), numbers)
+    refresh(information, sums.turn, floor, keep)
     for i in range(d):
-        gain[i] = prior[i] ** 2 * x[i]
-        norm += gain[i] * x[i]
-    for i in range(d):
-        gain[i] *= weight * rate / norm
-        coefficients[i] += gain[i] * error
-    left = np.eye(d)
-    for i in range(d):
+        target[i] = keep * target[i] + (1.0 - keep) * floor[i] * start[i] + weight * x[i] * y
         for j in range(d):
-            left[i, j] -= gain[i] * x[j]
-    variance = numbers[1] * block  # a block's errors are one
-    covariance[:] = left @ covariance @ left.T
+            information[i, j] += weight * x[i] * x[j]
+    away = target - information @ coefficients
     for i in range(d):
-        for j in range(i + 1):
-            value = 0.5 * (covariance[i, j] + covariance[j, i]) + gain[i] * variance * gain[j]
-            covariance[i, j] = value
-            covariance[j, i] = value
+        coefficients[i] += away[i] / (d * information[i, i])
+    if add(sums, x, y, weight):
+        close(sums, coefficients, True)
