@@ -44,7 +44,7 @@ def test_a_ripple_faster_than_the_steps_is_no_delay():
 
 
 def test_finer_steps_are_followed_with_the_derivatives_of_the_coarser(monkeypatch):
-    """The fit is where one from anew ends, within a tenth of a standard error."""
+    """The fit is where one from anew ends, within a tenth of a standard error, and settled."""
     bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
     rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
     rung = climb(steps._sharper(rung.model), bench)
@@ -52,7 +52,39 @@ def test_finer_steps_are_followed_with_the_derivatives_of_the_coarser(monkeypatc
     sigma = np.array([p.sigma for p in rung.model.parameters.free])
     anew = climb(rung.model, fine, rung.result.weighting, briefly=True)
     monkeypatch.setattr(steps, 'climb', lambda *args, **kwargs: pytest.fail('was fitted anew'))
-    found = steps._followed(rung, fine, sigma)
+    found, unsettled = steps._followed(rung, fine, sigma)
+    assert not np.any(unsettled)
     for p in found.model.parameters.free:
         assert p.value == pytest.approx(anew.model[p.name], abs=0.1 * p.sigma)
     assert found.result.cost == pytest.approx(anew.result.cost, rel=1e-3)
+
+
+def test_where_known_derivatives_lead_nowhere_new_ones_are_taken():
+    """Derivatives of half the size lead twice as far as they should, to and fro."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
+    wrong = [replace(one, slope=0.5 * one.slope) for one in rung.near]
+    astray = rung.model.with_values({'R': 1.01 * rung.model['R']})
+    begun = replace(rung, result=replace(rung.result, model=astray), near=tuple(wrong))
+    sigma = np.array([p.sigma for p in rung.model.parameters.free])
+    found, unsettled = steps._followed(begun, bench, sigma)
+    assert not np.any(unsettled)
+    for p in rung.model.parameters.free:
+        assert found.model[p.name] == pytest.approx(p.value, abs=0.5 * p.sigma)
+
+
+@pytest.mark.parametrize(('errors', 'taken'), [((0.4, 0.3, 0.3), 1), ((0.4, 0.3, 0.1), 4)])
+def test_finer_steps_that_come_no_nearer_are_not_taken(errors, taken, monkeypatch):
+    """A law that chatters is as wrong in any steps; one that does not gets the finest allowed."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    model = rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3})
+    of = dict(zip((1, 2, 4), errors, strict=True))
+
+    def residuals(model, bench, number=0):
+        error = of.get(number or bench.substeps, 0.0)
+        return [np.array([[1.0 + error], [1.0 - error]])]
+
+    monkeypatch.setattr(steps, '_residuals', residuals)
+    found, right = steps._steps(model, bench, 4, steps._small)
+    assert found == taken
+    assert not right

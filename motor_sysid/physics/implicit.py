@@ -5,9 +5,11 @@ law's own answer to it, and the weight ``w`` of its force, the change ``d`` solv
 
     d = c + w (f(x + d) - f(x)).
 
-A regula falsi in the bracket between 0 and c finds it, with the Illinois rule (Dowell and Jarratt
-1971, doi:10.1007/BF01934364), in all lanes at once: a law that damps has one root there, however
-steep it is.  Every choice is a select, not a branch, so that the loops are vectorized.
+A regula falsi finds it, with the Illinois rule (Dowell and Jarratt 1971, doi:10.1007/BF01934364),
+in all lanes at once: a law that damps has one root between 0 and c, however steep it is.  A law
+that feeds (a friction that falls as the motion begins) has its root beyond c; until one end of a
+bracket is known there, the secant from 0 leads on.  Every choice is a select, not a branch, so
+that the loops are vectorized.
 """
 
 from numba import njit
@@ -28,12 +30,16 @@ step it does not, however steep the law.
 CLOSE = 1e-5
 """Error of the implicit step, relative to it, that is good enough."""
 
+FURTHEST = 2.0
+"""Change of the own state in units of c up to which the root of a law that feeds is looked for:
+beyond, the step is too long for the law."""
+
 TURNS, MOVES = (0.1, 0.3), (1e-5, 1e-4)
 """Change of a stiff law within a step, in units of the most that it has been, and of its own state
 by that, in units of the most that this has been: up to the first, one step will do; from the
 second on only finer ones count."""
 
-_OPEN = 1e300
+_OPEN, _KNOWN = 1e300, 1e299
 
 # rows of the work memory of one solution; those from MOST on are kept from step to step
 JUMP = 0
@@ -166,14 +172,19 @@ def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
         above = (g > 0.0) == (c > 0.0)
         side = w[_SIDE + k]
         low, high, g_low, g_high = w[_LOW + k], w[_HIGH + k], w[_G_LOW + k], w[_G_HIGH + k]
+        known = g_high < _KNOWN
         g_low = g_low * (0.5 if side > 0.0 else 1.0) if above else g
-        g_high = g if above else g_high * (0.5 if side < 0.0 else 1.0)
+        g_high = g if above else g_high * (0.5 if side < 0.0 and known else 1.0)
         low = low if above else d
         high = d if above else high
         gap = g_high - g_low
         inside = high - g_high / gap * (high - low)
-        halved = g_high > 1e299 or gap == 0.0
-        following = 0.5 * (low + high) if halved else inside
+        inside = 0.5 * (low + high) if gap == 0.0 else inside
+        ahead = d - g * d / (g + c)
+        most = FURTHEST * c
+        ahead = ahead if (ahead - d) * c > 0.0 and (most - ahead) * c > 0.0 else most
+        following = ahead if g_high > _KNOWN else inside
+        far = far and (above or abs(d) < abs(most))
         stops = first and d * (predicted + d) > 0.0 and -predicted * c > 0.0
         following = -predicted if stops else following
         w[_LOW + k], w[_HIGH + k], w[_G_LOW + k], w[_G_HIGH + k] = low, high, g_low, g_high

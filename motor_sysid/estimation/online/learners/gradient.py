@@ -14,9 +14,8 @@ doi:10.1016/0005-1098(74)90064-8; Kreisselmeier 1977, Adaptive observers with ex
 convergence, doi:10.1109/TAC.1977.1101401; Ioannou and Sun, Robust Adaptive Control, 1996, section
 4.3.5.)
 
-What never goes of ``A`` is as in `forgetting`.  The law itself knows no uncertainty; the covariance
-given here is that of least squares with the same memory, and how far the parameters still have to
-go to these.
+What never goes of ``A`` is as in `forgetting`.  The law itself knows no uncertainty: the
+covariance given is that of least squares with the same memory, and how far it still is to these.
 """
 
 from numba import njit
