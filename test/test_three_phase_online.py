@@ -13,7 +13,7 @@ from motor_sysid.signals.record import Record
 
 WRONG = {'R': 1.6, 'L_d': 0.6, 'L_q': 1.5, 'L': 0.6, 'psi_f': 0.7, 'k_e': 0.7, 'J': 1.5, 'b': 2.0}
 
-OTHERS = ('rls_directional', 'compound_ls', 'window_ls', 'dual_ekf', 'ukf', 'mhe')
+OTHERS = ('rls_directional', 'compound_ls', 'window_ls', 'mras', 'dual_ekf', 'ukf', 'mhe')
 
 
 @cache
@@ -68,7 +68,9 @@ def test_the_others_find_resistance_flux_and_inertia(kind, estimator):
         assert found[name].value == pytest.approx(true[name], rel=0.05), name
 
 
-@pytest.mark.parametrize('estimator', ['rls', 'rls_directional', 'compound_ls', 'window_ls'])
+@pytest.mark.parametrize(
+    'estimator', ['rls', 'rls_directional', 'compound_ls', 'window_ls', 'mras']
+)
 def test_an_inductance_that_is_lost_is_not_claimed(estimator):
     """Regressions at 2 kHz may take the small inductance for nothing; they must not be sure."""
     truth, _ = recorded('pmsm')
