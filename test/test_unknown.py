@@ -6,6 +6,9 @@ from bench_motor import CURRENT_NOISE, records
 import numpy as np
 import pytest
 
+from motor_sysid.benchmark.cases import draw
+from motor_sysid.benchmark.scenarios import named_case
+from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.figures import with_unit
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.found import Unknown
@@ -189,3 +192,14 @@ def test_every_shape_has_amplitude_one_at_most_on_its_axis():
 )
 def test_numbers_have_a_prefix_where_that_is_usual(value, unit, text):
     assert with_unit(value, unit) == text
+
+
+@pytest.mark.slow
+def test_waves_that_held_out_data_contest_are_not_called_nothing():
+    """Cogging without a measured position: the simulated angle drifts over a long free run."""
+    scenario, number = named_case('single/cogging_torque/10/0')
+    case = draw(scenario, 4100, number)
+    found = diagnose(case.train, case.valid, motor='brushed_dc')
+    assert found.verdict is Verdict.UNKNOWN_EFFECT
+    assert 'do not agree' in found.reasons[0]
+    assert 'cogging torque' in found.reasons[0]

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis import remainder
-from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.gate import NO_EVIDENCE, SURE, UNCERTAIN, UNPHYSICAL, UNSTEADY
 from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
 from motor_sysid.diagnosis.result import Verdict
 from motor_sysid.diagnosis.synonyms import other_names
 from motor_sysid.diagnosis.trial import searching, Trial
 from motor_sysid.diagnosis.verdict import (
+    contested,
     doubts,
     holds_its_own,
     is_last_outweighed,
@@ -525,3 +526,24 @@ def test_what_any_strength_of_the_ridge_predicts_of_other_blocks_is_no_noise(mon
     assert both == max(shares) > 0.5
     assert abs(shares[0] - shares[1]) > 1e-3
     assert remainder._cross_validated(x, noise) < 0.01
+
+
+# --- what training and held-out data do not agree on
+
+
+@pytest.mark.parametrize(
+    ('note', 'evidence', 'after', 'told'),
+    [
+        (UNSTEADY, 2.0, 5.5, True),
+        ('', 2.0, 5.5, False),  # it passes
+        (UNCERTAIN, 2.0, 5.5, False),
+        (UNSTEADY, 0.9, 5.5, False),  # no overwhelming evidence
+        (UNSTEADY, 2.0, 5.65, False),  # less than 1 % of the signal: sqrt(5.7^2 - 5.65^2) = 0.75
+    ],
+)
+def test_what_held_out_data_contest_is_told(note, evidence, after, told):
+    variant = SimpleNamespace(effect=effect('cogging_torque'), inherits=False)
+    one = Trial(
+        SimpleNamespace(variant=variant), rung(after), evidence * SURE * 20.0, 2.0, 0.6, note, 1.0
+    )
+    assert contested([one], rung(5.7), 20.0) is (one if told else None)

@@ -47,6 +47,7 @@ from motor_sysid.diagnosis.steps import exact, refined
 from motor_sysid.diagnosis.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.twosome import best_twosome, TWO
 from motor_sysid.diagnosis.verdict import (
+    contested,
     doubts,
     holds_its_own,
     is_last_outweighed,
@@ -334,6 +335,8 @@ class Engine:
         verdict = verdict_of(ladder, left, rivals, share, doubted)
         if verdict is Verdict.COMPLETE and input_is_constant(self.train_records):
             verdict = Verdict.INSUFFICIENT_DATA
+        if verdict is Verdict.COMPLETE and contested(ladder[-1][1], final, self.bench.threshold):
+            verdict = Verdict.UNKNOWN_EFFECT
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
         steps = tuple(

@@ -8,8 +8,6 @@ that leaves nothing but noise is where a second climb begins.
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
-import numpy as np
-
 from motor_sysid.diagnosis.ahead import stands
 from motor_sysid.diagnosis.gate import is_impossible, is_told
 from motor_sysid.diagnosis.refit import settled_pair, try_pair
@@ -21,6 +19,10 @@ from motor_sysid.diagnosis.trial import Level
 
 TWO = 2
 """Effects that are added at once."""
+
+MOSTLY = 0.5
+"""Share of what is beyond noise that a pair must explain after a rough fit, to be fitted in full:
+the truth leaves next to nothing of it."""
 
 Pair = tuple[Scored, Scored]
 
@@ -34,11 +36,12 @@ def best_twosome(
     neither of the two may be nothing, impossible, or in the place of a parameter of the motor.
     """
     level = Level.of(base, bench, scores.weighting)
+    enough = MOSTLY * (level.cost - level.rows)
     tell(f'beginning again with two effects at once: trying {len(scores.pairs)} pairs')
 
     def fitted(pair: Pair) -> tuple[Rung, float, Pair]:
         rough, gain = try_pair(pair, level, bench)
-        if not np.isfinite(gain):
+        if not gain > enough:
             return rough, gain, pair
         return (*settled_pair(rough, level, bench), pair)
 

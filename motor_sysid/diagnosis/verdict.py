@@ -11,8 +11,10 @@ from motor_sysid.diagnosis.gate import (
     gone,
     is_usual,
     MIN_GAIN_PERCENT,
+    SURE,
     UNCERTAIN,
     UNPHYSICAL,
+    UNSTEADY,
 )
 from motor_sysid.diagnosis.remainder import Remainder, TRIFLE_PERCENT
 from motor_sysid.diagnosis.result import Verdict
@@ -236,6 +238,22 @@ def is_last_outweighed(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remaind
         return False
     final = ladder[-1][0]
     return _outweighs(left, final, last) and not _outweighs(left, final, min(others))
+
+
+def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | None:
+    """Return what training data speak for beyond doubt and held-out data only in part, if any.
+
+    That a model is complete cannot be said then, though nothing is named either: it lowers the
+    held-out error by more than what is too small to matter, but not steadily, as waves over a turn
+    do whose angle is not measured.
+    """
+    least = base.held.error_percent**2 - TRIFLE_PERCENT**2
+    torn = [
+        t for t in trials
+        if t.note == UNSTEADY and t.delta_bic > SURE * threshold
+        and t.rung.held.error_percent**2 < least
+    ]  # fmt: skip
+    return max(torn, key=lambda t: t.delta_bic, default=None)
 
 
 def verdict_of(

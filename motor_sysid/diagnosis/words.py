@@ -3,8 +3,9 @@
 from collections.abc import Mapping, Sequence
 
 from motor_sysid.diagnosis.found import BlindSpot, Evidence, Rivalry, Unknown, WrongParameter
+from motor_sysid.diagnosis.gate import UNSTEADY
 from motor_sysid.diagnosis.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
-from motor_sysid.diagnosis.result import Step, Verdict
+from motor_sysid.diagnosis.result import Candidate, Step, Verdict
 from motor_sysid.diagnosis.synonyms import other_names
 from motor_sysid.physics.effects import effect
 
@@ -39,12 +40,27 @@ def unknown(
     ladder: Sequence[Step], left: Remainder, found: Sequence[Unknown]
 ) -> list[str]:
     """Say that something unknown is missing, and on which axis it lives."""
+    torn = [c for c in ladder[-1].candidates if c.note == UNSTEADY]
+    if torn and len(ladder) == 1 and not left.structured:
+        return _contested(ladder[-1], max(torn, key=lambda c: c.delta_bic))
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
         f'{ladder[-1].validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
         f'noise in one channel, and {_structure(left)}.'
     ]
     return [*lines, *shapes(found), *_partial(ladder)]
+
+
+def _contested(step: Step, found: Candidate) -> list[str]:
+    """Say that training and held-out data do not agree on an effect."""
+    title = effect(found.effect).card.title
+    return [
+        f'Something is missing, but these data do not agree on what: {title} has overwhelming '
+        f'evidence in the training data (a gain in BIC of {found.delta_bic:.0f}) and lowers the '
+        f'held-out error from {step.validation_error_percent:.3g} to '
+        f'{found.validation_error_percent:.3g} %, yet it {found.note}. To do: hold back data like '
+        'those for training, with the position if there is an encoder',
+    ]
 
 
 def _structure(left: Remainder) -> str:
