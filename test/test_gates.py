@@ -74,11 +74,12 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
 
 def note(
     model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True, steady=1.0,
-    sigmas=0.1, trained=4.9, mends=False, delta=1000.0, tied=0.0,
+    sigmas=0.1, trained=4.9, mends=False, delta=1000.0, tied=0.0, held=(5.0, 4.9),
 ):
     old = SimpleNamespace(
         model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=()),
         training=SimpleNamespace(error_percent=5.0),
+        held=SimpleNamespace(error_percent=held[0]),
     )
     variant = SimpleNamespace(effect=effect(key), inherits=inherits)
     scored = SimpleNamespace(variant=variant, overlap=0.0)
@@ -87,7 +88,8 @@ def note(
     spread += tied * (np.outer(size, size) - spread)
     result = SimpleNamespace(covariance=spread)
     new = SimpleNamespace(
-        model=model, training=SimpleNamespace(error_percent=trained), result=result
+        model=model, training=SimpleNamespace(error_percent=trained), result=result,
+        held=SimpleNamespace(error_percent=held[1]),
     )
     return gate_note(
         scored, new, old, delta, gain, steady, certain, deep, 20.0, 10.0, mends=mends
@@ -163,6 +165,21 @@ def test_what_is_far_above_the_noise_counts_in_an_error_that_is_nearly_all_noise
     model = with_effect('quadratic_drag', {'k_d': 1e-8})
     assert '0.2 % only' in note(model, 'quadratic_drag', gain=0.2)
     assert note(model, 'quadratic_drag', gain=0.2, deep=True) == ''
+
+
+@pytest.mark.parametrize(
+    ('gain', 'held', 'told'),
+    [
+        (0.01, (5.755, 5.7549), False),  # a neighbour does as well
+        (0.2, (0.0500, 0.0499), True),  # small beside the signal, not beside the error
+        (0.05, (35.20, 35.17), True),  # sqrt(35.20^2 - 35.17^2) = 1.5 % of the signal
+        (-0.3, (5.0, 5.015), False),
+    ],
+)
+def test_what_changes_the_held_out_error_by_next_to_nothing_is_not_named(gain, held, told):
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    found = note(model, 'quadratic_drag', gain=gain, held=held, further=False)
+    assert (found == '') is told
 
 
 def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():

@@ -24,6 +24,11 @@ MIN_CERTAIN_GAIN_PERCENT = 0.5
 """The same for a further effect whose gain is beyond doubt: no law is exact to the last detail,
 and enough data show it."""
 
+LEAST_GAIN_PERCENT, LEAST_DROP_PERCENT = 0.1, 0.2
+"""Relative decrease of the held-out error, and the size of what goes from it in percent of the
+signal, one of which what is certain must bring all the same: below, any neighbour does as well,
+and nobody would add it."""
+
 MIN_WIDER_GAIN_PERCENT = 2.0
 """The same where the effect widens one that the model has: two extra parameters of a friction
 law first of all make up for what the narrower law has not right to the last detail."""
@@ -241,6 +246,12 @@ def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
     return FAITHFUL**2 * explained if like else 0.0
 
 
+def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:
+    """Whether an effect changes the held-out error at all; `gain` is its fall in percent."""
+    drop = old.held.error_percent**2 - new.held.error_percent**2
+    return gain > LEAST_GAIN_PERCENT or drop > LEAST_DROP_PERCENT**2
+
+
 def gate_note(
     scored: Scored,
     new: Rung,
@@ -305,7 +316,9 @@ def gate_note(
     trifling = scored.variant.inherits and not mends
     if is_usual(scored.variant.effect, new.model) and gain > -MIN_GAIN_PERCENT:
         return ''
-    if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least):
+    if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least) and (
+        further or is_worth_it(new, old, gain)
+    ):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'{TOO_LITTLE} {max(gain, 0.0):.1f} % only'
