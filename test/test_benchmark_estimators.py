@@ -43,15 +43,15 @@ def scores():
 
 
 def test_scores_tell_what_was_found_from_what_was_not(scores):
-    """A long memory does not follow an inertia that steps, whoever learns with it."""
+    """A long memory does not follow an inertia that steps."""
     found = {(one.estimator, one.perturbation): one for one in scores}
     assert len(found) == len(scores) == 6
     for key in ('rls', 'mras'):
-        good, poor = found[key, 'P0'], found[key, 'P10a']
-        assert good.error < 0.03 < poor.error
-        assert good.settled < 1.5
-        assert math.isinf(poor.settled)
-        assert poor.error > 5 * good.error
+        assert found[key, 'P0'].error < 0.03
+        assert found[key, 'P0'].settled < 1.5
+    poor = found['rls', 'P10a']
+    assert poor.error > max(0.03, 5 * found['rls', 'P0'].error)
+    assert math.isinf(poor.settled)
     assert found['rls', 'P0'].relative_cost == 1.0
     assert 0.3 < found['mras', 'P0'].relative_cost < 3
     load = found['sliding_mode', 'P0']
@@ -63,7 +63,7 @@ def test_tables_and_json_hold_every_score(scores):
     errors, settling, costs = estimator_tables(scores)
     assert errors.head == ('estimator', 'P0', 'P10a')
     assert [row[0].text for row in errors.rows] == ['rls', 'mras']
-    assert settling.rows[1][2].text == '-'
+    assert settling.rows[0][2].text == '-'
     assert [row[0].text for row in costs.rows] == ['rls', 'mras', 'sliding_mode']
     html = page(scores)
     assert html.startswith('<!doctype html>')
