@@ -11,8 +11,8 @@ Scaled like that ``A`` has no eigenvalue beyond its size ``d``, so that with ``g
 goes down, and under persistent excitation the parameters converge exponentially.  No equation is
 ever solved.  (Landau 1974, A survey of model reference adaptive techniques, Automatica 10,
 doi:10.1016/0005-1098(74)90064-8; Kreisselmeier 1977, Adaptive observers with exponential rate of
-convergence, doi:10.1109/TAC.1977.1101401; Ioannou and Sun, Robust Adaptive Control, 1996, section
-4.3.5.)
+convergence, IEEE Transactions on Automatic Control 22; Ioannou and Sun, Robust Adaptive Control,
+1996, section 4.3.5.)
 
 What never goes of ``A`` is as in `forgetting`.  The law itself knows no uncertainty: the
 covariance given is that of least squares with the same memory, and how far it still is to these.
