@@ -247,7 +247,10 @@ def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
 
 
 def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:
-    """Whether an effect changes the held-out error at all; `gain` is its fall in percent."""
+    """Whether an effect lowers the held-out error by more than next to nothing.
+
+    `gain` is the relative fall in percent, each channel in units of its error before.
+    """
     drop = old.held.error_percent**2 - new.held.error_percent**2
     return gain > LEAST_GAIN_PERCENT or drop > LEAST_DROP_PERCENT**2
 

@@ -40,7 +40,11 @@ def unknown(
     ladder: Sequence[Step], left: Remainder, found: Sequence[Unknown]
 ) -> list[str]:
     """Say that something unknown is missing, and on which axis it lives."""
-    torn = [c for c in ladder[-1].candidates if c.note == UNSTEADY]
+    least = ladder[-1].validation_error_percent**2 - TRIFLE_PERCENT**2
+    torn = [
+        c for c in ladder[-1].candidates
+        if c.note == UNSTEADY and c.validation_error_percent**2 < least
+    ]  # fmt: skip
     if torn and len(ladder) == 1 and not left.structured:
         return _contested(ladder[-1], max(torn, key=lambda c: c.delta_bic))
     lines = [
