@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.drawn import Curve, Where
-from motor_sysid.diagnosis.result import Candidate, Diagnosis, Step, Verdict
+from motor_sysid.diagnosis.result.curves import Curve, Where
+from motor_sysid.diagnosis.result.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Provenance, Record

@@ -5,9 +5,9 @@ from dataclasses import replace
 from fake_diagnosis import build_diagnosis
 import numpy as np
 
-from motor_sysid.diagnosis.drawn import ChannelError, Curve, Map
-from motor_sysid.diagnosis.found import AxisShare, BlindSpot, Unknown
-from motor_sysid.diagnosis.result import Diagnosis, Step, Verdict
+from motor_sysid.diagnosis.result.curves import ChannelError, Curve, Map
+from motor_sysid.diagnosis.result.findings import AxisShare, BlindSpot, Unknown
+from motor_sysid.diagnosis.result.result import Diagnosis, Step, Verdict
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Provenance, Record
 

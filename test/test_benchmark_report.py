@@ -26,7 +26,7 @@ from motor_sysid.benchmark.targets import (
     rates,
     visible,
 )
-from motor_sysid.diagnosis.result import Verdict
+from motor_sysid.diagnosis.result.result import Verdict
 
 MISSING, COMPLETE, AMBIGUOUS, UNKNOWN = (
     Verdict.EFFECT_MISSING, Verdict.COMPLETE, Verdict.AMBIGUOUS, Verdict.UNKNOWN_EFFECT,

@@ -32,11 +32,11 @@ from motor_sysid.diagnosis.calibration.store import (
 )
 from motor_sysid.diagnosis.calibration.tail import share_limits, shown_level, upper_quantile
 from motor_sysid.diagnosis.calibration.twin import Twin
-from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb
-from motor_sysid.diagnosis.score import AR_ORDER
-from motor_sysid.diagnosis.setup import make_bench, with_scales
-from motor_sysid.diagnosis.threshold import FLOOR, UNCALIBRATED
+from motor_sysid.diagnosis.candidates.score import AR_ORDER
+from motor_sysid.diagnosis.result.threshold import FLOOR, UNCALIBRATED
+from motor_sysid.diagnosis.search.bench import make_bench, with_scales
+from motor_sysid.diagnosis.search.rounds import scored
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import coloured
 from motor_sysid.physics.effects import catalogue, effect

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from motor_sysid.diagnosis.change import BLOCKS, change_point
-from motor_sysid.diagnosis.held import change_in_words, Held, held_until
+from motor_sysid.diagnosis.change.change_point import BLOCKS, change_point
+from motor_sysid.diagnosis.change.until_when import change_in_words, Held, held_until
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Record
 

@@ -12,8 +12,8 @@ import pytest
 
 from motor_sysid.benchmark.equivalences import same_as
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
-from motor_sysid.diagnosis.document import diagnosis_document
 from motor_sysid.diagnosis.fitting import add_effect, compare_model, fit_model
+from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record

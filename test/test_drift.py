@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from motor_sysid.diagnosis.compare import Comparison
-from motor_sysid.diagnosis.drift import DRIFT, drift_of
-from motor_sysid.diagnosis.remainder import Remainder
+from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.diagnosis.where.drift import DRIFT, drift_of
+from motor_sysid.diagnosis.where.remainder import Remainder
 
 COUNT, DT = 12_000, 1e-3
 LEAST = np.array([1.3, 1.3])

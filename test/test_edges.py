@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis.edges import beyond_edges, edges_of
-from motor_sysid.diagnosis.rung import climb
+from motor_sysid.diagnosis.search.edges import beyond_edges, edges_of
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.model import SpeedSensor
 

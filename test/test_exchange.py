@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 from test_trials import prepared, refitted
 
-from motor_sysid.diagnosis import exchange
-from motor_sysid.diagnosis.apart import Compared, rivalries_of
-from motor_sysid.diagnosis.exchange import Exchange, State, state_of
-from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb, Rung
-from motor_sysid.diagnosis.score import Scores
+from motor_sysid.diagnosis.candidates.score import Scores
+from motor_sysid.diagnosis.search import exchange
+from motor_sysid.diagnosis.search.confusable import Compared, rivalries_of
+from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
+from motor_sysid.diagnosis.search.rounds import scored
+from motor_sysid.diagnosis.search.rung import climb, Rung
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import SpeedSensor
 

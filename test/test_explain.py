@@ -10,11 +10,11 @@ import pytest
 
 from motor_sysid.cli import main
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
-from motor_sysid.diagnosis.apart import rivalries_of
-from motor_sysid.diagnosis.blind import blind_spots, undetermined
-from motor_sysid.diagnosis.document import diagnosis_document
-from motor_sysid.diagnosis.proof import evidence_of, off_nominal, wrong_parameters
-from motor_sysid.diagnosis.result import Candidate, Step
+from motor_sysid.diagnosis.result.document import diagnosis_document
+from motor_sysid.diagnosis.result.result import Candidate, Step
+from motor_sysid.diagnosis.search.confusable import rivalries_of
+from motor_sysid.diagnosis.verdict.blind_spots import blind_spots, undetermined
+from motor_sysid.diagnosis.verdict.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import add_effect_file, catalogue
 from motor_sysid.physics.model import Model

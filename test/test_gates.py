@@ -8,11 +8,11 @@ from bench_motor import records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.gate import gate_note, gone, is_idle, misfit_of_laws, UNPHYSICAL
-from motor_sysid.diagnosis.rounds import accounted
-from motor_sysid.diagnosis.rung import climb, profile_cost, with_better_sensor
-from motor_sysid.diagnosis.setup import base_fit, make_bench, with_scales
-from motor_sysid.diagnosis.trial import Level
+from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
+from motor_sysid.diagnosis.search.gates import gate_note, gone, is_idle, misfit_of_laws, UNPHYSICAL
+from motor_sysid.diagnosis.search.rounds import accounted
+from motor_sysid.diagnosis.search.rung import climb, profile_cost, with_better_sensor
+from motor_sysid.diagnosis.search.trial import Level
 from motor_sysid.estimation.batch import coloured
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor

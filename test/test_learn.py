@@ -17,8 +17,8 @@ from strange_motor import DT, LAWS, MOTOR, recorded, torque, volts
 from motor_sysid.cli import main
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import bench_of
-from motor_sysid.diagnosis.found import Unknown
 from motor_sysid.diagnosis.learn import beyond_range, learn, Learned, learned_on
+from motor_sysid.diagnosis.result.findings import Unknown
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import Prior
 from motor_sysid.physics.drive import Drive

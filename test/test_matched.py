@@ -7,7 +7,7 @@ from scipy.signal import lfilter
 from motor_sysid.benchmark.plant import Plant
 from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
-from motor_sysid.diagnosis.matched import Matched, STANDS_OUT, TOP_ORDER
+from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT, TOP_ORDER
 from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor

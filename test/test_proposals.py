@@ -6,7 +6,7 @@ import pytest
 from motor_sysid.benchmark.plant import Plant
 from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
-from motor_sysid.diagnosis.proposals import proposals
+from motor_sysid.diagnosis.candidates.proposals import proposals
 from motor_sysid.estimation.batch import (
     Linearization,
     make_chain,

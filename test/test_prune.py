@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis.prune import narrowed, numbered, pruned
-from motor_sysid.diagnosis.rung import climb, profile_cost
+from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned
+from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.model import SpeedSensor
 
 TAU = 6e-3

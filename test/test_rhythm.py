@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.rhythm import Rhythms
+from motor_sysid.diagnosis.candidates.reference_rhythm import Rhythms
 from motor_sysid.signals.record import Record
 
 DT, PERIOD = 0.005, 3.1

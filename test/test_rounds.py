@@ -8,9 +8,12 @@ import numpy as np
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis import rounds
-from motor_sysid.diagnosis.gate import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
-from motor_sysid.diagnosis.rounds import (
+from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
+from motor_sysid.diagnosis.candidates.variants import variants
+from motor_sysid.diagnosis.search import rounds
+from motor_sysid.diagnosis.search.bench import make_bench
+from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.search.rounds import (
     led_back,
     outdone,
     passed_over,
@@ -19,10 +22,7 @@ from motor_sysid.diagnosis.rounds import (
     unpromised,
     unseen,
 )
-from motor_sysid.diagnosis.rung import climb, judge
-from motor_sysid.diagnosis.score import score, Scored, Scores
-from motor_sysid.diagnosis.setup import make_bench
-from motor_sysid.diagnosis.variants import variants
+from motor_sysid.diagnosis.search.rung import climb, judge
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor

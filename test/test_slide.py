@@ -3,8 +3,8 @@
 import numpy as np
 
 from motor_sysid.diagnosis.fitting import bench_of, fit_model
-from motor_sysid.diagnosis.refit import rough_fit, ROUGH_STEPS, slid
-from motor_sysid.diagnosis.rung import climb
+from motor_sysid.diagnosis.search.refit import rough_fit, ROUGH_STEPS, slid
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record

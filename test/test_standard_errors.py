@@ -7,10 +7,10 @@ from bench_motor import a_motor, DT, measure, MOTOR, voltage_profile
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.profile import with_profiled_delays
-from motor_sysid.diagnosis.rung import climb
-from motor_sysid.diagnosis.setup import make_bench
-from motor_sysid.diagnosis.standard_errors import NEAR, roughness
+from motor_sysid.diagnosis.search.bench import make_bench
+from motor_sysid.diagnosis.search.delay_profile import with_profiled_delays
+from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.standard_errors import NEAR, roughness
 from motor_sysid.estimation.batch import Linearization, white
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.drive import Drive

@@ -4,14 +4,14 @@ from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis import starts
+from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.fitting import bench_of
-from motor_sysid.diagnosis.refit import try_effect
-from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb
-from motor_sysid.diagnosis.score import Scored
-from motor_sysid.diagnosis.starts import BEST, starts_on_grid
-from motor_sysid.diagnosis.trial import Level
+from motor_sysid.diagnosis.search import grid_starts
+from motor_sysid.diagnosis.search.grid_starts import BEST, starts_on_grid
+from motor_sysid.diagnosis.search.refit import try_effect
+from motor_sysid.diagnosis.search.rounds import scored
+from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.trial import Level
 from motor_sysid.physics.effects import catalogue, effect
 
 HIDDEN = {
@@ -94,7 +94,7 @@ def test_the_boxes_of_a_special_case_hold_those_of_the_wider_law():
 @pytest.mark.parametrize(('gone', 'left'), [((), 1), ((0,), 1), (None, 0)])
 def test_a_start_that_runs_away_is_none(monkeypatch, gone, left):
     bench, level, variants = level_of('flexible_shaft')
-    right = starts._runs
+    right = grid_starts._runs
 
     def runaway(*args):
         runs = right(*args)
@@ -103,6 +103,6 @@ def test_a_start_that_runs_away_is_none(monkeypatch, gone, left):
             run[-2, :, slice(None) if gone is None else list(gone)] = 1e200
         return runs
 
-    monkeypatch.setattr(starts, '_runs', runaway)
+    monkeypatch.setattr(grid_starts, '_runs', runaway)
     found = starts_on_grid(variants[0].variant, level.rung.model, bench)
     assert min(len(found), 1) == left

@@ -10,10 +10,10 @@ from test_trials import prepared, refitted
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose
-from motor_sysid.diagnosis.gate import INEXACT
-from motor_sysid.diagnosis.rung import climb
-import motor_sysid.diagnosis.steps as steps
-from motor_sysid.diagnosis.steps import refined
+from motor_sysid.diagnosis.search.gates import INEXACT
+import motor_sysid.diagnosis.search.integration_steps as steps
+from motor_sysid.diagnosis.search.integration_steps import refined
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.physics.model import SpeedSensor
 
 FRICTION = {'coulomb_friction': {'tau_c': 6e-3}}

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from motor_sysid.diagnosis.remainder import Remainder
-from motor_sysid.diagnosis.swing import Swing, swing_of
+from motor_sysid.diagnosis.where.oscillation import Swing, swing_of
+from motor_sysid.diagnosis.where.remainder import Remainder
 
 DT = 1e-3
 

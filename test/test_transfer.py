@@ -15,7 +15,7 @@ from scipy.stats import binom
 from sister_motors import lazy, model_of, recorded, sister, steps, TYPE
 
 from motor_sysid.cli import main
-from motor_sysid.diagnosis.compare import compare
+from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import believed, fit, make_chain, Prior, Problem, transfer
 from motor_sysid.estimation.batch.sisters import of_the_motor

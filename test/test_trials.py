@@ -8,20 +8,21 @@ from bench_motor import a_motor, measure, MOTOR, records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis import diagnose, refit
-from motor_sysid.diagnosis.moments import with_honest_moments
-from motor_sysid.diagnosis.refit import (
+from motor_sysid.diagnosis import diagnose
+from motor_sysid.diagnosis.search import refit
+from motor_sysid.diagnosis.search.bench import Bench, make_bench, with_scales
+from motor_sysid.diagnosis.search.integration_steps import exact
+from motor_sysid.diagnosis.search.moments import with_honest_moments
+from motor_sysid.diagnosis.search.refit import (
     best_per_effect,
     of_a_kind,
     try_beside,
     try_effect,
     try_thoroughly,
 )
-from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb, held_at_best, judge, lost, Rung
-from motor_sysid.diagnosis.setup import Bench, make_bench, with_scales
-from motor_sysid.diagnosis.steps import exact
-from motor_sysid.diagnosis.trial import Level, searching, Trial
+from motor_sysid.diagnosis.search.rounds import scored
+from motor_sysid.diagnosis.search.rung import climb, held_at_best, judge, lost, Rung
+from motor_sysid.diagnosis.search.trial import Level, searching, Trial
 from motor_sysid.estimation.batch import (
     fit,
     Linearization,

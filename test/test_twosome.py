@@ -9,10 +9,10 @@ from test_trials import prepared
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Verdict
-from motor_sysid.diagnosis.retold import retold
-from motor_sysid.diagnosis.rounds import scored
-from motor_sysid.diagnosis.rung import climb
-from motor_sysid.diagnosis.twosome import best_twosome
+from motor_sysid.diagnosis.search.pairs import best_twosome
+from motor_sysid.diagnosis.search.retelling import retold
+from motor_sysid.diagnosis.search.rounds import scored
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import SpeedSensor
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.compare import Comparison
-from motor_sysid.diagnosis.remainder import Remainder
-from motor_sysid.diagnosis.uneven import UNEVEN, unevenness_of
+from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.diagnosis.where.remainder import Remainder
+from motor_sysid.diagnosis.where.uneven_records import UNEVEN, unevenness_of
 from motor_sysid.signals.record import Record
 
 

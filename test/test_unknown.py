@@ -9,12 +9,12 @@ import pytest
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Verdict
-from motor_sysid.diagnosis.figures import with_unit
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.found import Unknown
-from motor_sysid.diagnosis.shapes import shapes_of, standing_orders
-from motor_sysid.diagnosis.unknown import unknown_of
-from motor_sysid.diagnosis.where import failure_of
+from motor_sysid.diagnosis.result.figures import with_unit
+from motor_sysid.diagnosis.result.findings import Unknown
+from motor_sysid.diagnosis.where.shapes import shapes_of, standing_orders
+from motor_sysid.diagnosis.where.unknown import unknown_of
+from motor_sysid.diagnosis.where.where import failure_of
 
 SIGMAS = {'current': CURRENT_NOISE, 'speed': 2 * np.pi / 4096 / 1e-3 / np.sqrt(6)}
 TAU = 6e-3

@@ -5,22 +5,24 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis import remainder
-from motor_sysid.diagnosis.gate import NO_EVIDENCE, SURE, UNCERTAIN, UNPHYSICAL, UNSTEADY
-from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
-from motor_sysid.diagnosis.result import Verdict
-from motor_sysid.diagnosis.synonyms import other_names
-from motor_sysid.diagnosis.trial import searching, Trial
-from motor_sysid.diagnosis.verdict import (
-    contested,
+from motor_sysid.diagnosis.result.result import Verdict
+from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, SURE, UNCERTAIN, UNPHYSICAL, UNSTEADY
+from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
-    is_last_outweighed,
     may_rival,
     rivals_of,
-    verdict_of,
     winner_of,
 )
+from motor_sysid.diagnosis.search.synonyms import other_names
+from motor_sysid.diagnosis.search.trial import searching, Trial
+from motor_sysid.diagnosis.verdict.verdict import (
+    contested,
+    is_last_outweighed,
+    verdict_of,
+)
+from motor_sysid.diagnosis.where import remainder
+from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.parameters import Parameter, ParameterSet

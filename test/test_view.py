@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
 from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate
 from motor_sysid.workbench.bench import Bench

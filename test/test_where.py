@@ -4,12 +4,12 @@ from bench_motor import a_motor, CURRENT_OFFSET, records
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.axes import axes_of
-from motor_sysid.diagnosis.bands import bin_means
-from motor_sysid.diagnosis.compare import compare
-from motor_sysid.diagnosis.drawn import Curve, Where
-from motor_sysid.diagnosis.lacking import lack_of, orthogonal, share_of
-from motor_sysid.diagnosis.where import Failure, failure_of
+from motor_sysid.diagnosis.result.curves import Curve, Where
+from motor_sysid.diagnosis.where.axes import axes_of
+from motor_sysid.diagnosis.where.bands import bin_means
+from motor_sysid.diagnosis.where.compare import compare
+from motor_sysid.diagnosis.where.unexplained import lack_of, orthogonal, share_of
+from motor_sysid.diagnosis.where.where import Failure, failure_of
 from motor_sysid.estimation.batch import make_chain
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Record

@@ -14,7 +14,7 @@ from motor_sysid.benchmark.scenarios import case_name, named_case, Scenario, sch
 from motor_sysid.benchmark.store import ResultsFile
 from motor_sysid.benchmark.suites import suite_of, SUITES
 from motor_sysid.diagnosis.diagnose import diagnose
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.physics.effects import catalogue
 
 Progress = Callable[[Result, int, int], None]

@@ -9,7 +9,7 @@ from motor_sysid.benchmark.cases import Case
 from motor_sysid.benchmark.equivalences import same_as, special_cases
 from motor_sysid.benchmark.outcome import Outcome, Result
 from motor_sysid.benchmark.scenarios import case_name, Scenario
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 

@@ -7,7 +7,7 @@ from motor_sysid.benchmark.cases import Case
 from motor_sysid.benchmark.judge import base_errors, effect_sigmas
 from motor_sysid.benchmark.outcome import Result
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 

@@ -10,7 +10,7 @@ from motor_sysid.benchmark.three_phase_cases import draw, KINDS, ThreePhaseCase
 from motor_sysid.benchmark.three_phase_rig import DT
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis
 
 
 def owns(name: str) -> bool:

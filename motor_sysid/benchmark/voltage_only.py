@@ -15,7 +15,7 @@ from motor_sysid.benchmark.outcome import Result
 from motor_sysid.benchmark.scenarios import Category, Scenario
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.errors import UserError
 from motor_sysid.signals.record import Record
 

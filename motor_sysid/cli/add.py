@@ -29,8 +29,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Add, refit, print before and after."""
     from motor_sysid.cli.fit import rung_lines
-    from motor_sysid.diagnosis.document import model_parameters
     from motor_sysid.diagnosis.fitting import add_effect
+    from motor_sysid.diagnosis.result.document import model_parameters
     from motor_sysid.physics.store import load_model, save_model
 
     load_effect_files(args.effect_file)

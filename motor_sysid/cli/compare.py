@@ -14,7 +14,7 @@ from motor_sysid.cli.common import (
 )
 
 if TYPE_CHECKING:
-    from motor_sysid.diagnosis.compare import Comparison
+    from motor_sysid.diagnosis.where.compare import Comparison
     from motor_sysid.physics.model import Model
     from motor_sysid.signals.record import Record
 
@@ -41,10 +41,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Compare and print."""
-    from motor_sysid.diagnosis.document import SCHEMA, where_document
     from motor_sysid.diagnosis.fitting import compare_model
     from motor_sysid.diagnosis.learn import beyond_range
-    from motor_sysid.diagnosis.plain import number
+    from motor_sysid.diagnosis.result.document import SCHEMA, where_document
+    from motor_sysid.diagnosis.result.plain import number
     from motor_sysid.physics.store import load_model
 
     load_effect_files(args.effect_file)

@@ -38,7 +38,7 @@ class Demo:
 def finish(demo: Demo) -> int:
     """Diagnose the bag as anyone would, without being told what is hidden; write the results."""
     from motor_sysid.diagnosis import diagnose
-    from motor_sysid.diagnosis.document import diagnosis_document
+    from motor_sysid.diagnosis.result.document import diagnosis_document
     from motor_sysid.physics.store import save_model
     from motor_sysid.workbench.report import write_report
 

@@ -54,7 +54,7 @@ def run(args: argparse.Namespace) -> int:
     """Diagnose, print the verdict, write what was asked for."""
     from motor_sysid.diagnosis import diagnose, Settings
     from motor_sysid.diagnosis.calibration.store import load_calibrations
-    from motor_sysid.diagnosis.document import diagnosis_document
+    from motor_sysid.diagnosis.result.document import diagnosis_document
     from motor_sysid.physics.datasheet import load_datasheet
     from motor_sysid.physics.store import load_model, save_model
 

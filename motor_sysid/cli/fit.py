@@ -15,7 +15,7 @@ from motor_sysid.cli.common import (
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
-    from motor_sysid.diagnosis.rung import Rung
+    from motor_sysid.diagnosis.search.rung import Rung
     from motor_sysid.estimation.batch import Transfer
     from motor_sysid.physics.model import Model
     from motor_sysid.signals.record import Record
@@ -165,7 +165,7 @@ def rung_lines(model: 'Model', reason: str) -> list[str]:
 
 
 def _prior_document(found: 'Transfer | None') -> dict[str, object]:
-    from motor_sysid.diagnosis.plain import number
+    from motor_sysid.diagnosis.result.plain import number
 
     if found is None:
         return {}
@@ -187,8 +187,8 @@ def _prior_document(found: 'Transfer | None') -> dict[str, object]:
 
 
 def _document(rung: 'Rung') -> dict[str, object]:
-    from motor_sysid.diagnosis.document import model_parameters
-    from motor_sysid.diagnosis.plain import number
+    from motor_sysid.diagnosis.result.document import model_parameters
+    from motor_sysid.diagnosis.result.plain import number
 
     told = rung.result.information
     return {

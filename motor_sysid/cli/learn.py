@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _document(found: 'Learned') -> dict[str, object]:
-    from motor_sysid.diagnosis.document import model_parameters
+    from motor_sysid.diagnosis.result.document import model_parameters
 
     errors = [
         rung.validation.error_percent for rung in (found.before, found.after) if rung is not None

@@ -87,7 +87,7 @@ def _checks(day: 'Condition') -> list[str]:
 
 
 def _document(paths: list[Path], found: 'tuple[Condition, ...]') -> dict[str, object]:
-    from motor_sysid.diagnosis.plain import number
+    from motor_sysid.diagnosis.result.plain import number
 
     days = []
     for path, day in zip(paths, found, strict=True):

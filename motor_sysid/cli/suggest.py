@@ -105,7 +105,7 @@ def _document(path: Path | None) -> dict[str, object] | None:
 
 def summary(made: 'Experiment') -> list[str]:
     """Return the experiment as lines of text."""
-    from motor_sysid.diagnosis.figures import with_unit
+    from motor_sysid.diagnosis.result.figures import with_unit
 
     lines = ['', made.summary[0].upper() + made.summary[1:] + '.', *made.reasons]
     if made.profile is None:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.compare import channel_errors, compare
-from motor_sysid.diagnosis.plain import number
+from motor_sysid.diagnosis.result.plain import number
+from motor_sysid.diagnosis.where.compare import channel_errors, compare
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, observed_outputs
 from motor_sysid.physics.drive import input_signals

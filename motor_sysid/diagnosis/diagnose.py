@@ -8,10 +8,9 @@ import numpy as np
 from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.rung import climb
-from motor_sysid.diagnosis.settings import Settings
-from motor_sysid.diagnosis.setup import (
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result.threshold import Threshold
+from motor_sysid.diagnosis.search.bench import (
     base_fit,
     choose_kind,
     make_bench,
@@ -20,7 +19,8 @@ from motor_sysid.diagnosis.setup import (
     told_kind,
     with_scales,
 )
-from motor_sysid.diagnosis.threshold import Threshold
+from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model

@@ -3,22 +3,28 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from motor_sysid.diagnosis.ahead import hopeful, second_of
-from motor_sysid.diagnosis.apart import Compared
-from motor_sysid.diagnosis.blind import input_is_constant
-from motor_sysid.diagnosis.compare import compare
-from motor_sysid.diagnosis.evidence import step_of
-from motor_sysid.diagnosis.exchange import Exchange, State, state_of
-from motor_sysid.diagnosis.explain import explained
-from motor_sysid.diagnosis.gate import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
-from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
-from motor_sysid.diagnosis.next_experiment import next_experiment
-from motor_sysid.diagnosis.polish import polish
-from motor_sysid.diagnosis.prune import pruned
-from motor_sysid.diagnosis.remainder import examine_remainder, Remainder
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.retold import retold
-from motor_sysid.diagnosis.rounds import (
+from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT
+from motor_sysid.diagnosis.candidates.score import Scores
+from motor_sysid.diagnosis.experiment.next_experiment import next_experiment
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.confusable import Compared
+from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
+from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.search.integration_steps import exact, refined
+from motor_sysid.diagnosis.search.look_ahead import hopeful, second_of
+from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
+from motor_sysid.diagnosis.search.polish import polish
+from motor_sysid.diagnosis.search.prune import pruned
+from motor_sysid.diagnosis.search.ranking import (
+    doubts,
+    holds_its_own,
+    may_rival,
+    rivals_of,
+    winner_of,
+)
+from motor_sysid.diagnosis.search.retelling import retold
+from motor_sysid.diagnosis.search.rounds import (
     accounted,
     explains,
     led_back,
@@ -29,7 +35,7 @@ from motor_sysid.diagnosis.rounds import (
     tried_instead,
     unseen,
 )
-from motor_sysid.diagnosis.rung import (
+from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
     held_at_best,
@@ -40,22 +46,14 @@ from motor_sysid.diagnosis.rung import (
     vanished,
     with_better_sensor,
 )
-from motor_sysid.diagnosis.score import Scores
+from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.settings import Settings
-from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.diagnosis.steps import exact, refined
-from motor_sysid.diagnosis.trial import Ladder, SURELY_MORE, Trial
-from motor_sysid.diagnosis.twosome import best_twosome, TWO
-from motor_sysid.diagnosis.verdict import (
-    contested,
-    doubts,
-    holds_its_own,
-    is_last_outweighed,
-    may_rival,
-    rivals_of,
-    verdict_of,
-    winner_of,
-)
+from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
+from motor_sysid.diagnosis.verdict.evidence import step_of
+from motor_sysid.diagnosis.verdict.explain import explained
+from motor_sysid.diagnosis.verdict.verdict import contested, is_last_outweighed, verdict_of
+from motor_sysid.diagnosis.where.compare import compare
+from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect

@@ -2,13 +2,11 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-from motor_sysid.diagnosis.compare import compare, Comparison, where_it_fails
-from motor_sysid.diagnosis.drawn import Where
-from motor_sysid.diagnosis.proposals import proposals
-from motor_sysid.diagnosis.refit import best_per_effect, try_effect
-from motor_sysid.diagnosis.rung import climb, judge, Rung, with_better_sensor
-from motor_sysid.diagnosis.score import score
-from motor_sysid.diagnosis.setup import (
+from motor_sysid.diagnosis.candidates.proposals import proposals
+from motor_sysid.diagnosis.candidates.score import score
+from motor_sysid.diagnosis.candidates.variants import variants
+from motor_sysid.diagnosis.result.curves import Where
+from motor_sysid.diagnosis.search.bench import (
     base_fit,
     Bench,
     choose_kind,
@@ -18,9 +16,11 @@ from motor_sysid.diagnosis.setup import (
     told_kind,
     with_scales,
 )
-from motor_sysid.diagnosis.steps import exact
-from motor_sysid.diagnosis.trial import Level, Trial
-from motor_sysid.diagnosis.variants import variants
+from motor_sysid.diagnosis.search.integration_steps import exact
+from motor_sysid.diagnosis.search.refit import best_per_effect, try_effect
+from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
+from motor_sysid.diagnosis.search.trial import Level, Trial
+from motor_sysid.diagnosis.where.compare import compare, Comparison, where_it_fails
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
     believed,

@@ -15,20 +15,20 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.diagnose import diagnose
 from motor_sysid.diagnosis.fitting import bench_of
-from motor_sysid.diagnosis.found import Unknown
-from motor_sysid.diagnosis.gate import (
+from motor_sysid.diagnosis.result.findings import Unknown
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gates import (
     combined_error,
     MIN_FURTHER_GAIN_PERCENT,
     MIN_STEADY,
     steadiness,
 )
-from motor_sysid.diagnosis.residual import measured_states
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.rung import climb, judge, Rung
+from motor_sysid.diagnosis.search.rung import climb, judge, Rung
 from motor_sysid.diagnosis.settings import Settings
-from motor_sysid.diagnosis.setup import Bench
-from motor_sysid.diagnosis.unknown import unknown_of
-from motor_sysid.diagnosis.where import failure_of
+from motor_sysid.diagnosis.where.equation_errors import measured_states
+from motor_sysid.diagnosis.where.unknown import unknown_of
+from motor_sysid.diagnosis.where.where import failure_of
 from motor_sysid.estimation.batch import fit, Prior, Problem
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.learned import HELD, WAVES

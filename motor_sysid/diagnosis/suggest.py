@@ -3,11 +3,11 @@
 from collections.abc import Mapping, Sequence
 
 from motor_sysid.diagnosis.diagnose import diagnose
-from motor_sysid.diagnosis.document import diagnosis_document
 from motor_sysid.diagnosis.experiment.choose import MOST, suggest_experiment, Tell
 from motor_sysid.diagnosis.experiment.limits import Limits
 from motor_sysid.diagnosis.experiment.result import Experiment
 from motor_sysid.diagnosis.experiment.rivals import fit_rivals, parse_rivals, rivals_of
+from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record

@@ -118,7 +118,7 @@ def _shape(model: Model, one: Effect, shape: Shape, record: Record | None) -> fl
             'motor turns, or start from a `model_file` that has it'
         )
     if shape.name == one.card.orders:
-        from motor_sysid.diagnosis.matched import Matched, STANDS_OUT
+        from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT
         from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
 
         outputs = observed_outputs(model.kind, [record])

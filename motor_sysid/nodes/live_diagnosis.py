@@ -125,7 +125,7 @@ class DiagnosisJob:
         """Diagnose; see `motor_sysid.diagnosis`."""
         from motor_sysid.diagnosis import diagnose, Settings
         from motor_sysid.diagnosis.calibration.store import load_calibrations
-        from motor_sysid.diagnosis.held import change_in_words, held_until
+        from motor_sysid.diagnosis.change.until_when import change_in_words, held_until
 
         begin, model = time.perf_counter(), self.model
         unread: list[str] = []

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.errors import UserError
 from motor_sysid.workbench.axis import lay_out, Stretch
 from motor_sysid.workbench.channels import Channel, channels_of, primary_of

@@ -6,7 +6,7 @@ from importlib.resources import files
 import json
 from pathlib import Path
 
-from motor_sysid.diagnosis.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view
 

@@ -100,7 +100,7 @@ class RegimeShare(TypedDict):
 
 
 class CurveView(TypedDict):
-    """A `motor_sysid.diagnosis.result.Curve`."""
+    """A `motor_sysid.diagnosis.result.curves.Curve`."""
 
     axis: str
     axis_unit: str
@@ -114,7 +114,10 @@ class CurveView(TypedDict):
 
 
 class MapLayer(TypedDict):
-    """A `motor_sysid.diagnosis.result.Map`; `value` and `band` row by row, NaN for no cell."""
+    """A `motor_sysid.diagnosis.result.curves.Map`.
+
+    `value` and `band` are given row by row, NaN for no cell.
+    """
 
     quantity: str
     unit: str
@@ -129,7 +132,7 @@ class MapLayer(TypedDict):
 
 
 class ChannelErrorView(TypedDict):
-    """A `motor_sysid.diagnosis.result.ChannelError`."""
+    """A `motor_sysid.diagnosis.result.curves.ChannelError`."""
 
     unit: str
     overall: float | None
@@ -148,7 +151,7 @@ class AxisShareView(TypedDict):
 
 
 class UnknownView(TypedDict):
-    """A `motor_sysid.diagnosis.result.Unknown`."""
+    """A `motor_sysid.diagnosis.result.findings.Unknown`."""
 
     quantity: str
     axis: str
@@ -159,14 +162,14 @@ class UnknownView(TypedDict):
 
 
 class BlindSpotView(TypedDict):
-    """A `motor_sysid.diagnosis.result.BlindSpot`."""
+    """A `motor_sysid.diagnosis.result.findings.BlindSpot`."""
 
     words: str
     remedy: str
 
 
 class WhereView(TypedDict):
-    """A `motor_sysid.diagnosis.result.Where`."""
+    """A `motor_sysid.diagnosis.result.curves.Where`."""
 
     axis: str
     unit: str
@@ -205,7 +208,7 @@ class CandidateParameter(TypedDict):
 
 
 class CandidateView(TypedDict):
-    """A `motor_sysid.diagnosis.result.Candidate`; `added` names the model that took it."""
+    """A `motor_sysid.diagnosis.result.result.Candidate`; `added` names the model that took it."""
 
     effect: str
     title: str

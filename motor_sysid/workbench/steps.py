@@ -6,8 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.drawn import ChannelError, Curve, Map, Where
-from motor_sysid.diagnosis.result import Candidate
+from motor_sysid.diagnosis.result.curves import ChannelError, Curve, Map, Where
+from motor_sysid.diagnosis.result.result import Candidate
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.workbench.axis import decimate, join, pack
 from motor_sysid.workbench.bench import Bench

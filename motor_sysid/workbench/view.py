@@ -7,8 +7,8 @@ from typing import cast
 
 import numpy as np
 
-from motor_sysid.diagnosis.found import Unknown
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result.findings import Unknown
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
 from motor_sysid.workbench.axis import axis_times, decimate, join, pack, Stretch
 from motor_sysid.workbench.bench import Bench

@@ -5,7 +5,7 @@ import math
 from pathlib import PurePath
 import re
 
-from motor_sysid.diagnosis.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record

@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 
-from motor_sysid.diagnosis.matched import Matched
-from motor_sysid.diagnosis.residual import known_forces, measured_states
-from motor_sysid.diagnosis.setup import base_fit, make_bench
+from motor_sysid.diagnosis.candidates.matched_filter import Matched
+from motor_sysid.diagnosis.search.bench import base_fit, make_bench
+from motor_sysid.diagnosis.where.equation_errors import known_forces, measured_states
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import Problem
 from motor_sysid.physics.effect import Card

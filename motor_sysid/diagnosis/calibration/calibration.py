@@ -15,7 +15,7 @@ from motor_sysid.diagnosis.calibration.tail import (
     shown_level,
     upper_quantile,
 )
-from motor_sysid.diagnosis.threshold import FLOOR, Threshold
+from motor_sysid.diagnosis.result.threshold import FLOOR, Threshold
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record

@@ -10,11 +10,11 @@ from motor_sysid.diagnosis.calibration.noise import Noise
 from motor_sysid.diagnosis.calibration.situation import Situation, situation_of
 from motor_sysid.diagnosis.calibration.spectrum import fit_noise
 from motor_sysid.diagnosis.calibration.twin import Twin
-from motor_sysid.diagnosis.gate import UNPHYSICAL
-from motor_sysid.diagnosis.rounds import refitted, scored
-from motor_sysid.diagnosis.rung import climb
-from motor_sysid.diagnosis.setup import make_bench, with_scales
-from motor_sysid.diagnosis.steps import refined
+from motor_sysid.diagnosis.search.bench import make_bench, with_scales
+from motor_sysid.diagnosis.search.gates import UNPHYSICAL
+from motor_sysid.diagnosis.search.integration_steps import refined
+from motor_sysid.diagnosis.search.rounds import refitted, scored
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model

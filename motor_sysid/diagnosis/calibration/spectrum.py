@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.calibration.mixture import parsimonious
 from motor_sysid.diagnosis.calibration.noise import Noise, Source
 from motor_sysid.diagnosis.calibration.twin import is_counted, Twin
-from motor_sysid.diagnosis.setup import Bench, make_bench
+from motor_sysid.diagnosis.search.bench import Bench, make_bench
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.lattice import lattice

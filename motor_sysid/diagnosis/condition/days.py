@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from motor_sysid.diagnosis.condition.drift import alarms, Drift, drift_of_fit, SCATTER
 from motor_sysid.diagnosis.condition.likely import Likely, likely
-from motor_sysid.diagnosis.setup import look_ahead, prepared
+from motor_sysid.diagnosis.search.bench import look_ahead, prepared
 from motor_sysid.estimation.batch import fit, FitResult, make_chain, observed_outputs, Problem
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model

@@ -15,7 +15,7 @@ from motor_sysid.diagnosis.experiment.separate import (
     weakest,
 )
 from motor_sysid.diagnosis.experiment.stage import Stage
-from motor_sysid.diagnosis.threshold import UNCALIBRATED
+from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
 from motor_sysid.physics.model import Model
 
 SURE = 2 * UNCALIBRATED

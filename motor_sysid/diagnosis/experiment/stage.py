@@ -13,7 +13,7 @@ from motor_sysid.control.experiment import unit_of
 from motor_sysid.control.loop import speed_loop, SpeedLoop
 from motor_sysid.control.profile import Profile, SPEED
 from motor_sysid.diagnosis.experiment.limits import Limits, MARGIN, SIZES
-from motor_sysid.diagnosis.setup import look_ahead
+from motor_sysid.diagnosis.search.bench import look_ahead
 from motor_sysid.estimation.batch import (
     coloured,
     make_chain,

@@ -1,0 +1,180 @@
+"""Values that the data propose for shapes that no list of starts could cover.
+
+Moments are looked for in the unexplained force, where the gain of a law that sets in at any moment
+is one pass over the data; waves per turn and frequencies by a matched filter
+(`motor_sysid.diagnosis.candidates.matched_filter`).  What stands out is then tried in simulation
+like any other start.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.candidates.matched_filter import Matched
+from motor_sysid.diagnosis.candidates.reference_rhythm import Rhythms
+from motor_sysid.diagnosis.where.equation_errors import (
+    measured_states,
+    rates_of,
+    unexplained,
+)
+from motor_sysid.estimation.batch import Linearization, Problem
+from motor_sysid.physics.effect import arguments, Effect
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.scales import Scales
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+MOMENTS, FREQUENCIES, ORDERS = 2, 3, 4
+"""How many of each are tried; of orders one more, see `Matched`."""
+
+_GRID = 2000
+_APART = 0.05
+_EDGE = 0.02
+
+
+@dataclass(frozen=True)
+class _Lack:
+    """One record: time from its start (N,), sample time, unexplained force (N,), what is known.
+
+    `basis` (N, q) spans what the motor's own parameters could still explain; the force is free of
+    it.  `known` is every name that a law may ask for.
+    """
+
+    time: Array
+    dt: float
+    force: Array
+    basis: Array
+    known: Mapping[str, Array | float]
+
+
+def proposals(
+    problem: Problem,
+    near: Sequence[Linearization],
+    records: Sequence[Record],
+    effects: Sequence[Effect],
+    scales: Scales,
+) -> dict[str, tuple[float, ...]]:
+    """Return key to values of the searched shape, of every effect that has one.
+
+    Parameters
+    ----------
+    problem, near:
+        The fitted model and the training data, and its residuals and derivatives there.
+    records:
+        Training records.
+    effects:
+        Candidates.
+    scales:
+        Typical sizes.
+    """
+    model = problem.model
+    matched = cache(lambda: Matched(problem, near))
+    plain = cache(lambda: Matched(problem, near, plain=True))
+    rhythms = cache(lambda: Rhythms(records))
+    found: dict[str, tuple[float, ...]] = {}
+    lacks: dict[str, list[_Lack]] = {}
+    for one in map(model.kind.taking, effects):
+        card = one.card
+        if not model.lacks(one):
+            continue
+        if card.orders:
+            there = _waves(model, one)
+            orders = dict.fromkeys((*matched().orders(one, ORDERS), *plain().orders(one, 1)))
+            found[one.key] = tuple(float(n) for n in orders if not {n, 2 * n} & there)
+        if not card.moment and not card.frequency:
+            continue
+        force = next(f.name for f in model.kind.forces if f.name in one.laws)
+        if card.moment:
+            if force not in lacks:
+                lacks[force] = _lacks(model, records, force)
+            found[one.key] = _moments(one, force, lacks[force], scales)
+        else:
+            likely = (matched().frequencies(force, 4 * FREQUENCIES), plain().frequencies(force, 4))
+            own = [[f for f in some if not rhythms().has(f)] for some in likely]
+            found[one.key] = tuple(dict.fromkeys((*own[0][:FREQUENCIES], *own[1][:1])))
+    return found
+
+
+def _waves(model: Model, one: Effect) -> set[int]:
+    """Return the waves per turn, with their doubles, that the model has by the same law."""
+    same = [key for key in model.effects if model.effect(key).source == one.source]
+    orders = {round(model[f'{key}.{one.card.orders}']) for key in same}
+    return orders | {2 * n for n in orders}
+
+
+def _lacks(model: Model, records: Sequence[Record], force: str) -> list[_Lack]:
+    """Prepare the records in which that force can be reckoned."""
+    lacks = []
+    for record in records:
+        even = record.uniform()
+        with np.errstate(over='ignore', invalid='ignore'):  # laws may run away on what is measured
+            lacking = unexplained(model, even).get(force)
+        if lacking is None or not np.all(np.isfinite(lacking)):
+            continue
+        states = measured_states(model, even)
+        states.update(rates_of(model, states, even.dt))
+        time = even.time - even.time[0]
+        states['t'] = time
+        columns = [v for n, v in states.items() if n not in ('t', 'theta', 'turn')]
+        width = model['omega_eps']
+        columns += [np.ones(time.size), np.clip(states['omega'] / width, -1.0, 1.0)]
+        basis, _ = np.linalg.qr(np.column_stack(columns))
+        rest = lacking - basis @ (basis.T @ lacking)
+        known: dict[str, Array | float] = {**model.parameters.values(), **states}
+        lacks.append(_Lack(time, even.dt, rest, basis, known))
+    return lacks
+
+
+def _moments(
+    one: Effect, force: str, lacks: Sequence[_Lack], scales: Scales
+) -> tuple[float, ...]:
+    """Return the moments from which on the law would explain most, best first.
+
+    The law's column is what it would be from the start, cut off before the moment; so sums from
+    the end give the gain of every moment at once.
+    """
+    if not lacks:
+        return ()
+    end = max(float(lack.time[-1]) for lack in lacks)
+    moments = np.linspace(_EDGE * end, (1 - _EDGE) * end, _GRID)
+    along, size = np.zeros(_GRID), np.full(_GRID, 1e-300)
+    for lack in lacks:
+        column = _column(one, force, lack, scales)
+        place = np.minimum(np.searchsorted(lack.time, moments), column.size)
+        along += _from_end(column * lack.force)[place]
+        shared = _from_end(column[:, np.newaxis] * lack.basis)[place]
+        size += _from_end(column**2)[place] - np.sum(shared**2, axis=1)
+    gain = along**2 / np.maximum(size, 1e-300)
+    gain[size <= 1e-6 * np.max(size)] = 0.0
+    chosen: list[float] = []
+    for k in np.argsort(-gain).tolist():
+        if gain[k] <= 0.0 or len(chosen) == MOMENTS:
+            break
+        if all(abs(moments[k] - other) > _APART * end for other in chosen):
+            chosen.append(float(moments[k]))
+    return tuple(chosen)
+
+
+def _column(one: Effect, force: str, lack: _Lack, scales: Scales) -> Array:
+    """Return (N,) the law at its first amplitude of one, as if it had begun long ago."""
+    card = one.card
+    known: dict[str, Array | float] = {**lack.known}
+    known.update({a.name: 0.0 for a in card.amplitudes})
+    known.update({s.name: s.starts[0] * scales.size(s.scale) for s in card.shapes if s.starts})
+    known[card.amplitudes[0].name] = 1e-3
+    known[card.moment] = -1e6
+    law = one.laws[force]
+    values = law(*[known[n] for n in arguments(law)])
+    column: Array = 1e3 * np.broadcast_to(values, lack.time.shape)
+    return column
+
+
+def _from_end(values: Array) -> Array:
+    """Return (N + 1, ...) sums of all values from each place to the end."""
+    total = np.zeros((values.shape[0] + 1, *values.shape[1:]))
+    total[:-1] = np.cumsum(values[::-1], axis=0)[::-1]
+    return total

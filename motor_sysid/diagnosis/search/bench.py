@@ -1,0 +1,371 @@
+"""From records to a base model: which motor kind, which outputs, which sensors, how far ahead."""
+
+from collections.abc import Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import (
+    Chain,
+    fit_multistart,
+    FitResult,
+    make_chain,
+    misfit,
+    observed_outputs,
+    Problem,
+    thinned,
+)
+from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor, motors
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.scales import Scales, scales_of
+from motor_sysid.signals.hall import with_hall_position
+from motor_sysid.signals.motion import with_motion
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+SPEED_WIDTH, CURRENT_WIDTH = 0.005, 0.003
+"""Width of the smoothed sign of speed and of current, as a fraction of their RMS.
+
+Current changes within a millisecond, so a narrower sign would be stiffer than a sample can follow.
+"""
+
+
+MIN_SAMPLES = 200
+"""Fewest samples of a record from which a diagnosis may be asked for."""
+
+DUTY_ALONE = (
+    ', or add the supply voltage that the duty cycle is a share of: a column '
+    '`supply_voltage [V]`, or `supply_voltage: {constant: 24}` in that file'
+)
+
+ROUGH_ROWS = 10_000
+"""Rows that a rough fit looks at."""
+
+
+@dataclass(frozen=True)
+class Bench:
+    """Everything that stays the same while models are tried.
+
+    Attributes
+    ----------
+    kind, outputs:
+        Motor kind, and signals that errors are taken of.
+    train:
+        Chains for fitting: short looks ahead where a free run would drift, else free runs.
+    held:
+        The held-out data, cut as `train` is: what decides whether an effect helps.
+    train_free, held_free:
+        The same data run freely, for reporting.
+    rough:
+        Some of `train`, for finding out what is worth a fit to all of it.
+    records, roles:
+        The stretches that are reported, each ``train`` or ``validate``, in the order of
+        `train_free` then `held_free`.
+    scales:
+        Typical sizes.
+    sensors:
+        How the speed may be measured: more than one where the records do not tell.
+    begun:
+        First guess of the base parameters, from which a fit of a delay or a lag begins as well:
+        the inductance and the inertia that make up for it hardly find back.
+    blunt:
+        Widths of smoothed signs to begin with: with narrow ones a fit has many valleys.
+    horizon:
+        How far ahead `train` and `held` look, s; None for free runs.
+    substeps:
+        Integration steps per sample; raised where one is not enough.
+    wrong:
+        Share of the whitened squares of the last model that is the integration's fault, where that
+        is more than rounding.
+    threshold:
+        Gain in BIC that evidence must have.
+    """
+
+    kind: Motor
+    outputs: tuple[str, ...]
+    train: tuple[Chain, ...]
+    held: tuple[Chain, ...]
+    train_free: tuple[Chain, ...]
+    held_free: tuple[Chain, ...]
+    records: tuple[Record, ...]
+    roles: tuple[str, ...]
+    scales: Scales
+    horizon: float | None
+    rough: tuple[Chain, ...] = ()
+    sensors: tuple[SpeedSensor, ...] = ()
+    begun: Mapping[str, float] = field(default_factory=dict)
+    blunt: Mapping[str, float] = field(default_factory=dict)
+    substeps: int = 1
+    wrong: float = 0.0
+    threshold: float = UNCALIBRATED
+
+    def problem(self, model: Model) -> Problem:
+        """Return the problem of fitting a model to the training data."""
+        return Problem(model, self.train, self.outputs, substeps=self.substeps)
+
+    def differenced(self, model: Model) -> list[bool]:
+        """Return of each output whether its noise is that of differenced counts."""
+        late = model.speed_sensor is SpeedSensor.DIFFERENCE
+        return [late and name == 'speed' for name in self.outputs]
+
+
+def prepared(
+    records: Sequence[Record], wanted: str | None, known: Mapping[str, float]
+) -> list[Record]:
+    """Return uniform records, with what the motor needs and other signals tell.
+
+    That is a position from Hall sectors, or speed and acceleration from the position.
+    """
+    even = [record.uniform() for record in records]
+    if wanted and motor(wanted).needs_position:
+        even = [with_hall_position(record, known) for record in even]
+    if wanted and any('acceleration' in names for names in motor(wanted).inputs):
+        even = with_motion(even)
+    ready = motor(wanted).prepare if wanted else None
+    return ready(even, known) if ready else even
+
+
+def told_kind(records: Sequence[Record], wanted: str | None) -> str | None:
+    """Return the motor kind that is wanted, else the one that the signals of all records tell."""
+    told = (
+        key for key, kind in motors().items()
+        if kind.tells and all(name in r for name in kind.tells for r in records)
+    )  # fmt: skip
+    return wanted or next(told, None)
+
+
+def prepared_parts(
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    wanted: str | None,
+    known: Mapping[str, float],
+) -> tuple[list[Record], list[Record]]:
+    """Return training and validation records prepared alike; see `prepared`."""
+    both = prepared([*train, *validation], wanted, known)
+    return both[: len(train)], both[len(train) :]
+
+
+def refuse_short(train: Sequence[Record], validation: Sequence[Record]) -> None:
+    """Refuse records that are too short to tell anything.
+
+    Raises
+    ------
+    UserError
+        If there is no training record, or a record has fewer than `MIN_SAMPLES` samples.
+    """
+    if not train:
+        raise UserError('no training record; give at least one')
+    for record in (*train, *validation):
+        if len(record) < MIN_SAMPLES:
+            raise UserError(
+                f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
+                f'needs at least {MIN_SAMPLES}, better 5000'
+            )
+
+
+def _refuse_gaps(record: Record, names: Set[str]) -> None:
+    for name in sorted(names):
+        count = int(np.sum(~np.isfinite(record[name])))
+        if count:
+            raise UserError(
+                f'`{name}` of {record.provenance.source or "a record"} has {count} values of '
+                f'{len(record)} that are not finite; drop or mend these samples'
+            )
+
+
+def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
+    """Return the motor kind: the wanted one, or the richest that the signals allow.
+
+    Raises
+    ------
+    UserError
+        If no kind fits the signals.
+    """
+    order = [k for k in (wanted, motor(wanted).unmeasured) if k] if wanted else list(motors())
+    for key in order:
+        kind = motor(key)
+        drivable = all(
+            any(all(name in r for name in names) for names in kind.inputs) for r in records
+        )
+        currents = [o.signal for o in kind.outputs if o.state in kind.currents]
+        electrical = all(name in r for name in currents for r in records)
+        moving = all('speed' in r or 'position' in r for r in records)
+        placed = not kind.needs_position or all('position' in r for r in records)
+        if drivable and electrical and moving and placed:
+            return kind
+    have = ', '.join(sorted(set.intersection(*(set(r) for r in records)))) or 'none in common'
+    duty = all('duty' in r for r in records)
+    raise UserError(
+        f'no motor kind fits these signals ({have}): needed are an input (voltage, torque, force '
+        'or current) and an output (speed or position); name them in a msg_config file'
+        f'{DUTY_ALONE if duty else ""}'
+    )
+
+
+def base_fit(
+    records: Sequence[Record],
+    kind: Motor,
+    chains: Sequence[Chain],
+    outputs: Sequence[str],
+    nominal: Mapping[str, float],
+) -> FitResult:
+    """Fit the linear motor, from several starts and with both kinds of speed sensor."""
+    linear = all(unit_of(r) == 'm' for r in records)
+    widths = _widths(kind, records)
+    begun = _inside(kind, kind.start(records, nominal))
+    starts = [begun]
+    if nominal:
+        starts.append(_inside(kind, {**begun, **nominal}))
+    best: FitResult | None = None
+    for sensor in _sensors(records, outputs):
+        for values in starts:
+            model = Model.base(
+                kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear
+            )
+            tried = fit_multistart(Problem(model, chains, outputs))
+            if best is None or misfit(tried) < misfit(best):
+                best = tried
+    assert best is not None
+    return best
+
+
+def make_bench(
+    train: Sequence[Record],
+    validation: Sequence[Record],
+    kind: Motor,
+    model: Model | None = None,
+    fraction: float = 0.2,
+    nominal: Mapping[str, float] | None = None,
+) -> Bench:
+    """Prepare the data for a motor kind.
+
+    Parameters
+    ----------
+    train, validation:
+        Records; without validation records the last `fraction` of each is held back.
+    model:
+        A fitted model if there is one; it tells how far ahead a run may look without drifting.
+    nominal:
+        Data-sheet values.
+
+    Raises
+    ------
+    UserError
+        If a signal that is needed has values that are no numbers.
+    """
+    everything = [*train, *validation]
+    outputs = observed_outputs(kind, everything)
+    for record in everything:
+        _refuse_gaps(record, {*input_signals(record, kind), *outputs, 'position'} & set(record))
+    known = model.parameters.values() if model else nominal or {}
+    begun = _inside(kind, kind.start(train, known))
+    values = model.parameters.values() if model else begun
+    defaults = {p.name: p.value for p in kind.parameters}
+    horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
+    keep = 1.0 if validation else 1.0 - fraction
+    role = 'all' if validation else 'train'
+
+    def chains(records: Sequence[Record], ahead: float | None, scored: str) -> tuple[Chain, ...]:
+        return tuple(
+            make_chain(
+                r, kind, outputs, horizon=ahead, train_fraction=keep, scored=scored
+            )
+            for r in records
+        )
+
+    fitting = chains(train, horizon, role)
+    free = fitting if horizon is None else chains(train, None, role)
+    other, part = (validation, 'all') if validation else (train, 'validate')
+    held = chains(other, horizon, part)
+    held_free = held if horizon is None else chains(other, None, part)
+    shown = [s for chain in (*free, *held_free) for s in chain if s.scored]
+    count = sum(s.scored for chain in free for s in chain)
+    scales = scales_of(kind.key, {**defaults, **values}, [r.uniform() for r in train])
+    return Bench(
+        kind, outputs, fitting, held, free, held_free,
+        tuple(s.record.slice(s.scored_from, len(s.record)) for s in shown),
+        ('train',) * count + ('validate',) * (len(shown) - count),
+        scales,
+        horizon,
+        thinned(fitting, kind, outputs, ROUGH_ROWS),
+        sensors=_sensors(train, outputs),
+        begun=begun,
+        blunt=_widths(kind, train),
+    )  # fmt: skip
+
+
+def look_ahead(
+    kind: Motor, values: Mapping[str, float], records: Sequence[Record], outputs: Sequence[str]
+) -> float | None:
+    """Return how far ahead of the measured state a run may look (s), or None for freely.
+
+    A motor with back-EMF forgets its start within milliseconds; where no current is measured, it
+    may take a tenth of a record.  An axis that only integrates does not: a small constant error
+    makes its position run away and hides every other effect, so it is looked at over twice its
+    slowest time constant.
+    """
+    arrays = {name: np.array([v]) for name, v in values.items()}
+    a = kind.like(arrays)[0][0]
+    inner = [j for j, name in enumerate(kind.states) if name != 'theta']
+    slowest = float(np.max(np.linalg.eigvals(a[np.ix_(inner, inner)]).real))
+    time_constant = -1.0 / slowest if slowest < 0 else np.inf
+    duration = max(r.duration for r in records)
+    forgets = duration / (50 if kind.currents else 10)
+    if 'position' not in outputs and time_constant < forgets:
+        return None
+    dt = max(r.dt for r in records)
+    return float(np.clip(2 * time_constant, 100 * dt, max(duration / 10, 100 * dt)))
+
+
+def unit_of(record: Record) -> str:
+    """Return ``m`` for a linear axis, ``rad`` for a rotary one."""
+    units = [record.units[n] for n in ('position', 'speed') if n in record]
+    return 'm' if units and all(u.startswith('m') for u in units) else 'rad'
+
+
+def with_scales(bench: Bench, model: Model) -> Bench:
+    """Return the bench with scales measured by a fitted model."""
+    records = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
+    return replace(
+        bench, scales=scales_of(bench.kind.key, model.parameters.values(), records)
+    )
+
+
+def _widths(kind: Motor, records: Sequence[Record]) -> dict[str, float]:
+    names = {p.name for p in kind.parameters}
+    speed = np.concatenate([measured_speed(r) for r in records])
+    widths = {'omega_eps': SPEED_WIDTH * float(np.sqrt(np.mean(speed**2)))}
+    if 'i_eps' in names:
+        shown = next(o.signal for o in reversed(kind.outputs) if o.state in kind.currents)
+        current = np.concatenate([r[shown] for r in records])
+        widths['i_eps'] = CURRENT_WIDTH * float(np.sqrt(np.mean(current**2)))
+    return {name: max(width, 1e-9) for name, width in widths.items()}
+
+
+def _inside(kind: Motor, values: Mapping[str, float]) -> dict[str, float]:
+    boxes = {p.name: p for p in kind.parameters}
+    return {
+        name: float(np.clip(value, boxes[name].lower, boxes[name].upper))
+        for name, value in values.items()
+        if name in boxes and np.isfinite(value)
+    }
+
+
+def _sensors(records: Sequence[Record], outputs: Sequence[str]) -> tuple[SpeedSensor, ...]:
+    """Return the kinds of speed sensor that are worth trying."""
+    if 'speed' not in outputs:
+        return (SpeedSensor.IDEAL,)
+    for record in records:
+        if 'position' in record and len(record) > 10:
+            backward = np.diff(record['position']) / np.diff(record.time)
+            speed = record['speed'][1:]
+            if np.std(backward - speed) < 0.05 * np.std(np.diff(speed)) + 1e-9 * np.std(speed):
+                return (SpeedSensor.DIFFERENCE,)
+    return (SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE)

@@ -1,0 +1,331 @@
+"""Whether what an effect gains is real: the gates that it must pass."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.candidates.score import Scored
+from motor_sysid.diagnosis.search.rung import certainty, Rung, vanished
+from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.estimation.batch import Weighting
+from motor_sysid.physics.effect import Effect, Scale
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+MIN_GAIN_PERCENT = 1.0
+MIN_FURTHER_GAIN_PERCENT = 5.0
+"""Relative decrease of the held-out error that an effect must bring to matter: the first one, and
+every further one, for what the first does not fit to the last detail looks like a second one."""
+
+MIN_CERTAIN_GAIN_PERCENT = 0.5
+"""The same for a further effect whose gain is beyond doubt: no law is exact to the last detail,
+and enough data show it."""
+
+LEAST_GAIN_PERCENT, LEAST_DROP_PERCENT = 0.1, 0.2
+"""Relative decrease of the held-out error, and the size of what goes from it in percent of the
+signal, one of which what is certain must bring all the same: below, any neighbour does as well,
+and nobody would add it."""
+
+MIN_WIDER_GAIN_PERCENT = 2.0
+"""The same where the effect widens one that the model has: two extra parameters of a friction
+law first of all make up for what the narrower law has not right to the last detail."""
+
+TORN, WORN, MENDED = 1.3, 1.05, 1.04
+"""Whitened variance, in units of the noise, that a law must leave (the smaller where a wider one
+takes away nearly all of that), and that a wider one may leave, so that it is believed like any
+further effect: nothing is then left for another to explain."""
+
+MORE = 0.2
+"""Part of what the effects of a model explain, which no wider law adds to it by making up for what
+they have not right."""
+
+FAITHFUL = 0.02
+"""No law follows its effect closer than this: the square of it, as a share of what the effects of
+a model explain, is what their misfit may look like another function of the same thing."""
+
+UNPHYSICAL = 'unphysical sign'
+NO_EVIDENCE = 'no evidence'
+UNCERTAIN = 'its size cannot be told from nothing'
+INEXACT = 'could be what laws and integration of the model have not right to the last detail'
+TOO_LITTLE = 'lowers the held-out error by'
+UNSTEADY = 'helps in some of the held-out data and harms in other'
+TAKES_OVER = 'would be nothing with it'
+"""How the note ends of an effect that takes the place of a parameter of the motor."""
+
+HELD_BACK = (TOO_LITTLE, UNSTEADY)
+"""How notes begin that keep an effect out which the training data speak for."""
+
+BLOCKS = 20
+MIN_STEADY = 0.75
+"""Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
+they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
+
+KNOWN = 0.3
+"""Relative standard error of a motor's parameter below which it is known to be there."""
+
+LEAST_CERTAINTY = 9.0
+"""Squared number of honest standard errors that an amplitude must be from zero: where errors come
+in bursts, evidence alone counts more than there is."""
+
+TOLD = 2.0
+"""Standard errors of the last fit, whose noise is taken as it is, that an amplitude must be from
+zero: fewer, and its 95 % interval holds zero."""
+
+SURE, SURE_GAIN = 50.0, 10.0
+"""Evidence in units of what is asked for, and fall of the held-out error in percent, with which an
+effect is there even if its amplitude cannot be told from nothing together with all the others: a
+combination of it and the motor's own parameters may be all that the data see."""
+
+HALVED = 0.5
+"""Error over the training data, in units of that before, below which an effect that lowers the
+held-out error need not do so steadily: what it acts on may be rare there."""
+
+CERTAIN_GAIN, CERTAIN_STEADY, CERTAIN_T = 10.0, 0.9, 3.0
+"""An effect whose gain is lost in the noise of the sensors is believed if the whitened held-out
+error falls by this much and either steadily, or by so many standard errors of its block means."""
+
+MIN_SHARE, MIN_FURTHER_SHARE = 0.1, 0.5
+"""Share of all that the whole dictionary could still explain, which such a small effect must
+explain alone: the first one, and further ones, which may be the misfit of the first."""
+
+DEEP, DEEP_SHARE = 2.0, 0.8
+"""Whitened variance, in units of the noise, that no misfit of a law leaves, and the share of what
+is beyond the noise that an effect takes away, for it to be believed however little it lowers an
+error that is nearly all noise."""
+
+ALIKE = 0.9999
+"""Share of an effect that base parameters mimic, above which they are called alike."""
+
+
+def combined_error(now: Comparison, before: Comparison) -> float:
+    """Return the error with each channel in units of its error under the model before."""
+    old, new = before.channel_percent, now.channel_percent
+    parts = [(new[name] / max(old[name], 1e-12)) ** 2 for name in new]
+    return float(np.sqrt(np.mean(parts)))
+
+
+def steadiness(before: Comparison, after: Comparison) -> float:
+    """Return the steadiness of the gain, with each channel in units of its error before."""
+    size = np.sqrt(np.mean(np.concatenate(before.residuals) ** 2, axis=0)) + 1e-300
+    pairs = zip(before.residuals, after.residuals, strict=True)
+    gains = [np.sum((a / size) ** 2 - (b / size) ** 2, axis=1) for a, b in pairs]
+    return _steadiness(_blocks(gains))
+
+
+def is_certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
+    """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
+    pairs = zip(before.residuals, after.residuals, strict=True)
+    squares = [[weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in pair] for pair in pairs]
+    gains = _blocks([a - b for a, b in squares])
+    error = float(gains.std(ddof=1)) / np.sqrt(gains.size) if gains.size > 1 else np.inf
+    sure = _steadiness(gains) >= CERTAIN_STEADY or gains.mean() > CERTAIN_T * error
+    return bool(gains.sum() > CERTAIN_GAIN and sure)
+
+
+def _blocks(gains: Sequence[Array]) -> Array:
+    """Return sums over about `BLOCKS` blocks of equal length."""
+    total = sum(g.size for g in gains)
+    pieces = [np.array_split(g, max(round(BLOCKS * g.size / total), 1)) for g in gains]
+    return np.array([float(np.sum(piece)) for group in pieces for piece in group])
+
+
+def _steadiness(gains: Array) -> float:
+    return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
+
+
+def _at_limit(model: Model, one: Effect) -> str:
+    """Return a ratio among the effect's shapes that lies on its upper bound, or nothing.
+
+    Times, speeds and angles are bounded by what the records show; a ratio by what it means.
+    """
+    for shape in one.card.shapes:
+        p = model.parameters[f'{one.key}.{shape.name}']
+        if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
+            return f'{shape.name} ({shape.description})'
+    return ''
+
+
+def _stands_still(model: Model, one: Effect, duration: float) -> bool:
+    """Whether what comes back at a frequency does not within the `duration` of a record, s."""
+    name = one.card.frequency
+    return bool(name) and model[f'{one.key}.{name}'] * duration < 1.0
+
+
+def gone(new: Model, old: Model) -> str:
+    """Return a parameter of the motor that was well known and is now nothing, or nothing.
+
+    Friction may turn out to be of another kind, and an inductance may be too small to be seen;
+    back-EMF, resistance and inertia are always there.
+    """
+    before = {p.name: p for p in old.parameters}
+    for p in new.parameters.free:
+        was = before.get(p.name)
+        if was is None or was.on_bound or was.sigma is None:
+            continue
+        if '.' in p.name or p.unit == 'H':
+            continue
+        if p.logarithmic and p.on_bound and was.sigma < KNOWN * was.value:
+            return f'{p.name} ({p.description})'
+    return ''
+
+
+def narrowed(model: Model, key: str) -> str:
+    """Return the title of the special case that an effect has come to, or nothing.
+
+    All that it adds to the special case is nothing: a friction that does not rise near standstill
+    is Coulomb friction.
+    """
+    card = effect(key).card
+    for special, pairs in card.generalises.items():
+        taken = {mine for mine, _ in pairs}
+        extra = [a for a in card.amplitudes if a.positive and a.name not in taken]
+        added = [model.parameters[f'{key}.{a.name}'] for a in extra]
+        if added and all(p.value <= 1e-9 * p.upper for p in added):
+            return effect(special).card.title
+    return ''
+
+
+def feeds(model: Model, key: str, duration: float) -> bool:
+    """Whether an effect uses up a friction in `duration` s for certain, and feeds energy then."""
+    for name, sources in effect(key).card.drains.items():
+        p = model.parameters[f'{key}.{name}']
+        there = sum(model[source] for source in sources if source in model.parameters)
+        if (p.value + TOLD * (p.sigma or 0.0)) * duration < -there:
+            return True
+    return False
+
+
+def is_impossible(model: Model, key: str, duration: float) -> bool:
+    """Whether physics forbids what a fit has made of an effect, in a record of `duration` s."""
+    return vanished(model, key) or feeds(model, key, duration)
+
+
+def is_told(model: Model, key: str) -> bool:
+    """Whether an amplitude of an effect is told from zero, whatever else is not known."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+    return any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
+
+
+def is_idle(rung: Rung, without: Rung, key: str) -> bool:
+    """Whether an effect of the last fit may as well be nothing, and does next to nothing.
+
+    In the last fit signs are sharper and noise is taken as it is.  Where a shape of a law is at
+    the end of what the data show, and its amplitude with it, the law may stand for any other: the
+    more so where no amplitude is seen but in combination.
+    """
+    gain = 100 * (1 - combined_error(rung.held, without.held))
+    further = bool(without.model.effects) or not is_seen(rung.model, key)
+    least = MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT
+    return gain < least and not is_told(rung.model, key)
+
+
+def is_seen(model: Model, key: str) -> bool:
+    """Whether the data see some amplitude of an effect by itself."""
+    own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+    return any(np.isfinite(p.sigma or 0.0) for p in own)
+
+
+def is_usual(one: Effect, model: Model) -> bool | None:
+    """Whether what every motor of the kind has is of usual size; None for any other effect."""
+    if not one.card.inherent:
+        return None
+    return model[f'{one.key}.{one.card.amplitudes[0].name}'] <= one.card.inherent
+
+
+def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
+    """Return the gain that the misfit of a model's laws may make of a further effect.
+
+    What takes the place of one of them mends its law, and what is a function of something else
+    can make up for none.
+    """
+    axes = {effect(key).card.axis for key in model.effects}
+    like = scored.variant.effect.card.axis in axes and not scored.variant.inherits
+    return FAITHFUL**2 * explained if like else 0.0
+
+
+def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:
+    """Whether an effect lowers the held-out error by more than next to nothing.
+
+    `gain` is the relative fall in percent, each channel in units of its error before.
+    """
+    drop = old.held.error_percent**2 - new.held.error_percent**2
+    return gain > LEAST_GAIN_PERCENT or drop > LEAST_DROP_PERCENT**2
+
+
+def gate_note(
+    scored: Scored,
+    new: Rung,
+    old: Rung,
+    delta: float,
+    gain: float,
+    steady: float,
+    certain: bool,
+    deep: bool,
+    threshold: float,
+    duration: float,
+    *,
+    mends: bool = False,
+) -> str:
+    """Return why a refit does not pass, in plain words; empty where it does.
+
+    What every motor has need not lower the held-out error, if there is evidence of it and it does
+    no harm there: not every record shows it.
+
+    Parameters
+    ----------
+    scored:
+        The score that it was chosen by.
+    new, old:
+        The refit, and the fit without the effect.
+    delta, threshold:
+        Gain in BIC, and what it must be.
+    gain:
+        Relative decrease of the held-out error, percent.
+    steady:
+        Steadiness of that decrease; see `MIN_STEADY`.
+    certain:
+        Whether the whitened held-out error falls beyond doubt.
+    deep:
+        Whether, more than that, it was far above the noise and comes near it; see `DEEP`.
+    duration:
+        Time of the longest record, s.
+    mends:
+        Whether it does more than follow closer what the model has; see `TORN` and `MORE`.
+    """
+    key = scored.variant.effect.key
+    if is_impossible(new.model, key, duration):
+        return UNPHYSICAL
+    if not np.isfinite(delta):
+        return 'cannot be simulated'
+    if special := narrowed(new.model, key):
+        return f'is nothing but {special} here'
+    if delta < threshold:
+        alike = scored.overlap > ALIKE
+        return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE
+    sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= MIN_STEADY
+    if not sure and certainty(new, key) < LEAST_CERTAINTY:
+        return UNCERTAIN
+    if _stands_still(new.model, scored.variant.effect, duration):
+        return 'swings less than once within a record'
+    if limit := _at_limit(new.model, scored.variant.effect):
+        return f'{limit} is at the limit of what makes sense'
+    if lost := gone(new.model, old.model):
+        return f'{lost} {TAKES_OVER}'
+    further = bool(old.model.effects)
+    least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
+    trifling = scored.variant.inherits and not mends
+    if is_usual(scored.variant.effect, new.model) and gain > -MIN_GAIN_PERCENT:
+        return ''
+    if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least) and (
+        further or is_worth_it(new, old, gain)
+    ):
+        return ''
+    if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
+        return f'{TOO_LITTLE} {max(gain, 0.0):.1f} % only'
+    halved = new.training.error_percent < HALVED * old.training.error_percent
+    if steady < MIN_STEADY and not halved:
+        return UNSTEADY
+    return ''

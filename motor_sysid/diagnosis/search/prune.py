@@ -1,0 +1,130 @@
+"""What later effects have made superfluous goes again: whole effects, and too wide laws.
+
+While something else is missing, an effect may do duty for it, and a law with one parameter more
+may look better than the one that is there.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gates import combined_error, MIN_CERTAIN_GAIN_PERCENT
+from motor_sysid.diagnosis.search.refit import parameters_of, rough_fit, ROUGH_STEPS
+from motor_sysid.diagnosis.search.rung import certainty, climb, FINER, profile_cost, Rung, some_of
+from motor_sysid.diagnosis.search.trial import ONLY_NOISE
+from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.scales import Scales
+
+BEYOND_DOUBT = 100.0
+"""Squared number of standard errors, in units of the evidence asked for, from which on an effect
+is kept without a fit that lacks it, unless steps of the integration have changed."""
+
+CLEARLY = 10.0
+"""Loss of evidence by a rough fit without it, in units of what is allowed, from which on an effect
+is kept without a fit in full."""
+
+
+def pruned(
+    rung: Rung,
+    bench: Bench,
+    gains: dict[str, float],
+    tell: Callable[[str], None],
+    *,
+    last: bool = False,
+) -> Rung:
+    """Drop effects that the last one has made superfluous, and narrow those that are too wide.
+
+    Parameters
+    ----------
+    rung, bench:
+        The fit, and what it was fitted on.
+    gains:
+        Gain in BIC of each effect when it was added; a special case takes over the one that it
+        stands for.
+    tell:
+        Is told what is dropped.
+    last:
+        Whether the last effect may go as well: what a coarse integration did wrong may have looked
+        like it.
+    """
+    for key in rung.model.effects if last else rung.model.effects[:-1]:
+        if key not in rung.model.effects:
+            continue
+        if last or certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
+            slim = _simpler(rung, numbered(rung.model.without_effect(key), bench.scales), bench)
+            if slim is not rung:
+                tell(f'dropping {key}: no longer needed')
+                rung = slim
+                continue
+        for special in effect(key).card.generalises:
+            if not rung.model.admits(effect(special)):
+                continue
+            slim = _simpler(rung, narrowed(rung.model, key, special, bench.scales), bench)
+            if slim is not rung:
+                tell(f'{special} does in place of {key}')
+                gains[special] = gains.get(key, 0.0)
+                rung = slim
+                break
+    return rung
+
+
+def numbered(model: Model, scales: Scales) -> Model:
+    """Return the model with what it may hold several times numbered from the first."""
+    for key in model.effects:
+        first = effect(key).after
+        if first and first not in model.effects:
+            values = {name: value for name, (value, *_) in parameters_of(model, key).items()}
+            order = tuple(first if one == key else one for one in model.effects)
+            moved = model.without_effect(key).with_effect(first, values, scales)
+            return numbered(replace(moved, effects=order), scales)
+    return model
+
+
+def narrowed(model: Model, key: str, special: str, scales: Scales) -> Model:
+    """Return the model with a special case in the place of an effect, at like values."""
+    pairs = effect(key).card.generalises[special]
+    shared = {theirs for _, theirs in pairs}
+    values = {
+        name: float(np.mean([model[f'{key}.{mine}'] for mine, own in pairs if own == name]))
+        for name in shared
+    }
+    order = tuple(special if one == key else one for one in model.effects)
+    return replace(model.without_effect(key).with_effect(special, values, scales), effects=order)
+
+
+def _simpler(rung: Rung, model: Model, bench: Bench) -> Rung:
+    """Return the fit of a model with fewer parameters, if there is no evidence for more."""
+    weighting = rung.result.weighting
+    full, rows = profile_cost(rung, bench, weighting)
+    count = len(rung.model.parameters.free) - len(model.parameters.free)
+    allowed = bench.threshold + count * float(np.log(rows))
+    rough = rough_fit(model, weighting, bench, ROUGH_STEPS, reweight=0)
+    if rough.cost - _rough_cost(rung, model, bench) > CLEARLY * allowed:
+        return rung
+    slim = climb(rough.model, bench, weighting)
+    less, _ = profile_cost(slim, bench, weighting)
+    return slim if less - full < allowed or _is_trifle(rung, slim, less / rows) else rung
+
+
+def _is_trifle(rung: Rung, slim: Rung, excess: float) -> bool:
+    """Whether an effect does next to nothing beside others, whatever the evidence for it.
+
+    Without it, in `slim`, the whitened variance is `excess` times that of noise: nothing is left
+    to look for.  No law is exact to the last detail, and another one makes up for what is not.
+    """
+    fewer = len(slim.model.effects) < len(rung.model.effects)
+    gain = 100 * (1 - combined_error(rung.held, slim.held))
+    beside = fewer and bool(slim.model.effects)
+    return beside and excess < ONLY_NOISE and gain < MIN_CERTAIN_GAIN_PERCENT
+
+
+def _rough_cost(rung: Rung, model: Model, bench: Bench) -> float:
+    """Return the sum of squares of a fit over the data that a rough fit of `model` looks at."""
+    some = replace(bench, train=some_of(bench, model), substeps=min(bench.substeps, FINER))
+    problem = some.problem(rung.model)
+    there = problem.linearize(problem.vector(), parameters=False)
+    return normal_equations(there, rung.result.weighting)[2]

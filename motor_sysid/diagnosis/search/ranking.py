@@ -1,0 +1,178 @@
+"""Who wins a round, who does as well, and what is doubted of what was added."""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from motor_sysid.diagnosis.search.confusable import alike, compared
+from motor_sysid.diagnosis.search.gates import (
+    combined_error,
+    is_usual,
+    MIN_GAIN_PERCENT,
+    UNCERTAIN,
+    UNPHYSICAL,
+)
+from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.search.synonyms import is_other_name
+from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.physics.effects import effect
+
+RIVAL_BIC = 10.0
+RIVAL_SHARE = 0.02
+AT_NOISE = 1.1
+"""A rival is as good if its BIC is within 10; or within 2 % of the winner's gain, where even the
+winner leaves more than noise: what remains may then favour either of them by chance.  So may what
+no law has right to the last detail, where the gain is lost in the noise of the sensors."""
+
+SPECIAL_SHARE = 0.5
+"""A special case goes first if it explains this share of what its generalisation explains."""
+
+LOWEST = 1.01
+"""A shape lies on its lower bound up to this multiple of it."""
+
+LEFT_OVER = 0.2
+"""Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
+is there leaves little to others, and a wrong neighbour of it leaves much."""
+
+HARMS = -1.0
+"""Fall of the held-out error, %, below which what is tried on top of an effect explains nothing,
+whatever its evidence: laws that are a little wrong leave traces in the noise that others fit."""
+
+NEARLY_ALL = 0.95
+"""Share of the squared error beyond noise, whitened or plain, that the truth explains: a wrong
+neighbour leaves more, and what explains more is not doubted."""
+
+
+def winner_of(passing: Sequence[Trial]) -> Trial:
+    """Return the best trial, or its simplest special case that explains most of it.
+
+    Of several that do as well, what every motor has goes first, then one that keeps what the
+    model has.
+    """
+    best = passing[0]
+    simplest = _simplest(best, passing)
+    if simplest is not best:
+        return simplest
+    equal = [best, *_equals(best, passing)]
+    if usual := next((t for t in equal if _usual(t)), None):
+        return usual
+    equal = [t for t in equal if _usual(t) is not False] or equal
+    keeps = [t for t in equal if not t.scored.variant.inherits]
+    return _simplest(keeps[0], passing) if keeps else equal[0]
+
+
+def _usual(trial: Trial) -> bool | None:
+    return is_usual(trial.scored.variant.effect, trial.rung.model)
+
+
+def _simplest(trial: Trial, passing: Sequence[Trial]) -> Trial:
+    """Return the end of the chain of special cases, each of which explains most of the last.
+
+    Or any of it, where a shape of the wider law lies on its lower bound: it tells of no more.
+    """
+    covered = trial.scored.variant.effect.card.generalises
+    enough = -np.inf if is_special(trial) else SPECIAL_SHARE * trial.delta_bic
+    special = next((t for t in passing if t.key in covered and t.delta_bic > enough), None)
+    return trial if special is None else _simplest(special, passing)
+
+
+def is_special(trial: Trial) -> bool:
+    """Whether a shape lies on its lower bound: bristles that do not bend, say."""
+    names = [f'{trial.key}.{shape.name}' for shape in trial.scored.variant.effect.card.shapes]
+    own = [trial.rung.model.parameters[n] for n in names if n in trial.rung.model.parameters]
+    return any(p.free and p.value <= LOWEST * p.lower for p in own)
+
+
+def may_rival(trial: Trial) -> bool:
+    """Whether a trial may be a rival: it passes, or only its size is uncertain."""
+    return trial.passes or trial.note == UNCERTAIN
+
+
+def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, ...]:
+    """Return the effects that explain the data as well as the winner does.
+
+    One that comes to the same law is none: no experiment tells the two apart, and no question is
+    open.  Nor is one that changes other things in the outputs of `base`: it is missing as well.
+    What every motor has, has no rivals, and is none if it would have to be larger than usual.
+    """
+    equals = [t for t in _equals(winner, trials) if not same_law(t, winner)]
+    equals = [t for t in equals if _usual(t) is not False]
+    if _usual(winner):
+        return ()
+    if _is_lost(winner):
+        return tuple(t.key for t in equals)
+    return tuple(t.key for t in equals if alike(compared(base, winner.rung, t.rung)))
+
+
+def _is_lost(trial: Trial) -> bool:
+    """Whether a gain is lost in the noise of the sensors, and what is changed with it."""
+    return trial.gain_percent < MIN_GAIN_PERCENT
+
+
+def _equals(best: Trial, passing: Sequence[Trial]) -> list[Trial]:
+    """Return the trials that do as well as the best, but for wider and narrower forms of it."""
+    excess = np.inf if _is_lost(best) else best.excess
+    least = best.delta_bic - margin_of(best.delta_bic, excess)
+    others = [t for t in passing if t.key != best.key and not related(t, best)]
+    return [t for t in others if t.delta_bic > least]
+
+
+def margin_of(gain: float, excess: float) -> float:
+    """Return how far in BIC a rival may be behind; `excess` is what the better one leaves."""
+    return max(RIVAL_BIC, RIVAL_SHARE * gain) if excess > AT_NOISE else RIVAL_BIC
+
+
+def related(one: Trial, other: Trial) -> bool:
+    """Whether one of two trials is of a special case of the other's effect."""
+    first, second = one.scored.variant.effect, other.scored.variant.effect
+    return first.key in second.card.generalises or second.key in first.card.generalises
+
+
+def same_law(one: Trial, other: Trial) -> bool:
+    """Whether two trials come to one law.
+
+    Either it widens an effect of the model or is added to it, or it has two names.
+    """
+    return _completes(one.key, other) or _completes(other.key, one)
+
+
+def _completes(key: str, trial: Trial) -> bool:
+    variant = trial.scored.variant
+    parts = variant.effect.card.sum_of
+    if parts == (key,):
+        return is_other_name(variant.effect, trial.rung.model)
+    return variant.inherits and key in parts
+
+
+def doubts(trials: Sequence[Trial], gains: Mapping[str, float]) -> list[str]:
+    """Return the effects on top of which others would explain too much.
+
+    Parameters
+    ----------
+    trials:
+        What was tried on the last model.
+    gains:
+        Gain in BIC of each of the model's effects when it was added.
+    """
+    possible = [t for t in trials if t.note != UNPHYSICAL and t.gain_percent > HARMS]
+    return [
+        key
+        for key, gain in gains.items()
+        if any(
+            t.delta_bic > LEFT_OVER * gain
+            and t.key not in effect(key).card.generalises
+            and key not in t.scored.variant.effect.card.generalises
+            and t.scored.variant.effect.after != key
+            for t in possible
+        )
+    ]
+
+
+def holds_its_own(rung: Rung, without: Rung, trials: Sequence[Trial]) -> bool:
+    """Whether nothing lowers the held-out error by a fifth of what the last effect did.
+
+    Laws that are a little wrong leave evidence for others in training data that look alike.
+    """
+    gain = 100 * (1 - combined_error(rung.held, without.held))
+    possible = [t.gain_percent for t in trials if t.note != UNPHYSICAL]
+    return max(possible, default=0.0) < LEFT_OVER * gain

@@ -1,0 +1,75 @@
+"""Standard errors of the last fit, where its derivatives at one place tell too little."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.delay_profile import with_profiled_delays
+from motor_sysid.diagnosis.search.edges import beyond_edges, edges_of
+from motor_sysid.diagnosis.search.moments import with_honest_moments
+from motor_sysid.diagnosis.search.rung import Rung, slopes
+from motor_sysid.estimation.batch import FitResult, Problem, Weighting
+from motor_sysid.estimation.batch.uncertainty import describe
+from motor_sysid.physics.effects import effect
+
+Array = NDArray[np.float64]
+
+NEAR, POINTS = 0.05, 32
+"""Distance in standard errors over which a cost that strikes make rough is looked at, and at how
+many points."""
+
+
+def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
+    """Return a fit with standard errors that hold for what the data are like.
+
+    They hold for noise that is correlated for long, for laws that end within reach, for a cost
+    that is rough, for delays, and for moments.  `blunt` (p,) holds errors of the integration that
+    are added to them.
+    """
+    problem, weighting = bench.problem(rung.model), rung.result.weighting
+    near = slopes(rung, bench)
+    spread = describe(problem, problem.vector(), weighting, near, stationary=True)
+    sigma = beyond_edges(
+        problem, weighting, spread.covariance, spread.sigma, spread.information,
+        edges_of(rung.model),
+    )  # fmt: skip
+    sigma = np.hypot(sigma, blunt)
+    if any(effect(key).card.strikes for key in rung.model.effects):
+        rough = roughness(problem, weighting, spread.covariance)
+        sigma = np.hypot(sigma, np.sqrt(rough) * spread.information.bound)
+    model = rung.model.with_estimates({}, _named(problem, sigma))
+    model = with_profiled_delays(model, bench, weighting, spread.information)
+    model = with_honest_moments(bench.problem(model), weighting, spread.information)
+    return replace(rung.result, model=model, covariance=spread.covariance)
+
+
+def _named(problem: Problem, sigma: Array) -> dict[str, float]:
+    return {p.name: float(s) for p, s in zip(problem.free, sigma, strict=True)}
+
+
+def roughness(problem: Problem, weighting: Weighting, covariance: Array) -> float:
+    """Return how much the weighted sum of squares differs between neighbours of a fit.
+
+    Where teeth strike, a little more or less of anything moves every later blow, and a fit ends in
+    one of many pits.  It may end as far away as the smooth rise of the cost equals their depth.
+
+    Parameters
+    ----------
+    problem, weighting:
+        The fitted model with the data, and the noise model.
+    covariance:
+        (p, p) covariance of its parameters.
+    """
+    z = problem.vector()
+    size = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    scale = np.where(size > 0.0, size, 1.0)
+    values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+    root = scale[:, np.newaxis] * vectors * np.sqrt(np.maximum(values, 0.0))
+    away = np.random.default_rng(0).standard_normal((POINTS, z.size)) @ root.T
+    lower, upper = problem.box()
+    cloud = np.clip(z + NEAR * away / problem.slope(z), lower, upper)
+    costs = problem.costs(cloud, weighting, problem.linearize(z, parameters=False))
+    sound = costs[np.isfinite(costs)]
+    return float(np.std(sound)) if sound.size > 1 else 0.0

@@ -1,0 +1,201 @@
+"""A candidate after its refit, what it is compared with, and whether it passes."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from motor_sysid.diagnosis.candidates.matched_filter import TOP_ORDER
+from motor_sysid.diagnosis.candidates.score import Scored
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gates import (
+    combined_error,
+    DEEP,
+    DEEP_SHARE,
+    gate_note,
+    INEXACT,
+    is_certain,
+    MENDED,
+    MIN_FURTHER_SHARE,
+    MIN_SHARE,
+    misfit_of_laws,
+    MORE,
+    NO_EVIDENCE,
+    steadiness,
+    TORN,
+    WORN,
+)
+from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes
+from motor_sysid.estimation.batch import Linearization, Weighting
+from motor_sysid.physics.effect import Effect
+
+ONLY_NOISE = 1.02
+"""Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
+
+SURELY_MORE = 1.04
+"""The same from which on a model leaves something for certain: a noise model is that much off."""
+
+MOMENTS_APART = 100
+"""Moments of a record that can be told apart: what matters lasts a hundredth of it."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """A candidate after its refit.
+
+    Attributes
+    ----------
+    scored:
+        The score that it was chosen by.
+    rung:
+        The fitted model.
+    delta_bic:
+        Gain in BIC under the noise model that the whole dictionary leaves.
+    gain_percent:
+        Relative decrease of the held-out error.
+    steady:
+        Steadiness of that decrease over held-out blocks, 0 to 1; see `MIN_STEADY`.
+    note:
+        Why it does not pass, or empty.
+    excess:
+        Whitened variance that the refit leaves, in units of the noise; 1 where only noise is left.
+    """
+
+    scored: Scored
+    rung: Rung
+    delta_bic: float
+    gain_percent: float
+    steady: float
+    note: str
+    excess: float
+
+    @property
+    def key(self) -> str:
+        """Key of the effect."""
+        return self.scored.variant.effect.key
+
+    @property
+    def passes(self) -> bool:
+        """Whether every gate was passed."""
+        return not self.note
+
+
+@dataclass(frozen=True)
+class Level:
+    """What a refit is compared with: the model without the effect, under the same noise model.
+
+    Attributes
+    ----------
+    rung:
+        The fitted model.
+    weighting:
+        The noise model that the whole dictionary leaves on it.
+    cost, rows:
+        Least whitened sum of squares of the model under that noise model, and its rows.  The model
+        was fitted under a noise model of its own, which more must not be counted for an effect.
+    explained:
+        Decrease of that sum of squares by the effects that the model has.
+    """
+
+    rung: Rung
+    weighting: Weighting
+    cost: float
+    rows: int
+    explained: float = 0.0
+
+    @classmethod
+    def of(
+        cls, rung: Rung, bench: Bench, weighting: Weighting, base: Rung | None = None
+    ) -> 'Level':
+        """Take the level of a fitted model; `base` is the fit that had no effects yet."""
+        near = slopes(rung, bench)
+        again = climb(rung.model, bench, weighting, briefly=True, near=near)
+        costs = [profile_cost(one, bench, weighting) for one in (rung, again)]
+        cost = min(cost if np.isfinite(cost) else np.inf for cost, _ in costs)
+        if base is None or base.model.effects == rung.model.effects:
+            return cls(rung, weighting, cost, costs[0][1])
+        before, _ = profile_cost(base, bench, weighting)
+        return cls(rung, weighting, cost, costs[0][1], before - cost)
+
+    @property
+    def is_incomplete(self) -> bool:
+        """Whether the model leaves more than noise for certain."""
+        return self.cost > SURELY_MORE * self.rows
+
+    def leaves(self, widens: bool, after: float) -> bool:
+        """Whether the model leaves more than noise for certain, beside what leaves `after`.
+
+        The whole dictionary knows the noise, and better than it does a law that `widens` one of
+        the model and leaves less: no touch of each effect makes a law that is far from linear.
+        """
+        noise = min(float(self.rows), after) if widens else float(self.rows)
+        return self.cost > SURELY_MORE * noise
+
+    def mends(self, after: float) -> bool:
+        """Whether a wider law that leaves `after` does more than follow the narrow one's effect.
+
+        It leaves nothing but noise where there was more, or adds much to what is explained.
+        """
+        beyond = self.cost - self.rows
+        torn = self.cost > TORN * self.rows or (
+            self.cost > WORN * self.rows and self.cost - after > DEEP_SHARE * beyond
+        )
+        all_of_it = torn and after < MENDED * self.rows
+        return all_of_it or self.cost - after > MORE * self.explained > 0.0
+
+    def gain(self, new: Rung, bench: Bench) -> float:
+        """Return the gain in BIC of a fitted model with more parameters."""
+        extra = len(new.model.parameters.free) - len(self.rung.model.parameters.free)
+        after, _ = profile_cost(new, bench, self.weighting)
+        return self.cost - after - extra * float(np.log(self.rows))
+
+
+def judged(
+    scored: Scored,
+    new: Rung,
+    level: Level,
+    bench: Bench,
+    near: Sequence[Linearization] = (),
+) -> Trial:
+    """Pass a refit through the gates; `near` if the refit does not hold its own."""
+    rung, rows = level.rung, level.rows
+    if not np.isfinite(new.result.cost + new.held.error_percent):
+        return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
+    kept = replace(new, near=tuple(near)) if near else new
+    after, _ = profile_cost(kept, bench, level.weighting)
+    delta = level.gain(kept, bench)
+    delta -= searching(scored.variant.effect, rows // len(bench.outputs))
+    gain = 100 * (1 - combined_error(new.held, rung.held))
+    steady = steadiness(rung.held, new.held)
+    share = (level.cost - after) / max(level.cost - rows, 1e-300)
+    small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
+    small = small and (not rung.model.effects or level.leaves(scored.variant.inherits, after))
+    certain = small and is_certain(rung.held, new.held, level.weighting)
+    deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
+    mends = level.mends(after)
+    inexact = max(
+        misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
+    )
+    threshold = max(bench.threshold, inexact)
+    note = gate_note(
+        scored, new, rung, delta, gain, steady, certain, deep, threshold,
+        bench.scales.duration, mends=mends,
+    )  # fmt: skip
+    if note == NO_EVIDENCE and delta > bench.threshold:
+        note = INEXACT
+    return Trial(scored, new, delta, gain, steady, note, after / rows)
+
+
+Ladder = list[tuple[Rung, list[Trial]]]
+"""What was fitted, one effect after the other, each with what was tried on it."""
+
+
+def searching(one: Effect, samples: int) -> float:
+    """Return the price in BIC of a shape that was looked for everywhere: twice the log of where.
+
+    Noise alone makes some wave stand out of thousands.
+    """
+    card = one.card
+    places = TOP_ORDER if card.orders else 1
+    places *= samples // 2 if card.frequency else MOMENTS_APART if card.moment else 1
+    return 2.0 * float(np.log(places))

@@ -1,0 +1,208 @@
+"""What speaks for the effects that were added, and what was wrong without them."""
+
+from collections.abc import Iterator, Mapping, Sequence
+import itertools
+import math
+
+import numpy as np
+
+from motor_sysid.diagnosis.result.figures import with_unit
+from motor_sysid.diagnosis.result.findings import Evidence, WrongParameter
+from motor_sysid.diagnosis.result.result import Candidate, Step
+from motor_sysid.diagnosis.search.refit import parameters_of
+from motor_sysid.physics.effect import Amplitude
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import linear_unit, Model
+from motor_sysid.signals.record import Record
+
+INTERVAL = 1.96
+"""Standard deviations on either side of a 95 % interval."""
+
+_DIGITS, _MOST_DIGITS = 3, 7
+"""Digits of a value; more only so that the ends of its interval differ."""
+
+CERTAIN, WORTH = 3.0, 0.1
+"""A parameter was wrong if it moved by so many standard deviations, and by that share."""
+
+AT_NOISE = 1.02
+"""Error over sensor noise below which shares of what is beyond it mean nothing."""
+
+RATED = 'rated_torque'
+"""Name of the rated torque among nominal values."""
+
+LARGE = 1.0
+"""Share of the torque at hand above which a parasitic torque is not plausible."""
+
+
+def evidence_of(
+    ladder: Sequence[Step],
+    records: Sequence[Record],
+    floor_percent: float,
+    nominal: Mapping[str, float],
+) -> tuple[Evidence, ...]:
+    """Return what speaks for each effect of the last model, in the order of adding."""
+    last = ladder[-1]
+    found: list[Evidence] = []
+    for step, after in itertools.pairwise(ladder):
+        for key in after.model.effects:
+            candidate = next((c for c in step.candidates if c.effect == key), None)
+            if key in step.model.effects or key not in last.model.effects:
+                continue
+            if candidate is not None and all(one.effect != key for one in found):
+                found.append(_evidence(candidate, step, after, last, records, floor_percent,
+                                       nominal))  # fmt: skip
+    return tuple(found)
+
+
+def wrong_parameters(first: Step, last: Step) -> tuple[WrongParameter, ...]:
+    """Return the base parameters that moved beyond doubt, the most wrong first.
+
+    A parameter that an added effect shares (an inertia of which a part now hangs on a spring) was
+    not wrong.
+    """
+    shared = {name for key in last.model.effects for name in effect(key).card.shrinks}
+    moved = [
+        wrong
+        for p in last.model.parameters.free
+        if '.' not in p.name and p.name not in shared and p.name in first.model.parameters
+        for wrong in _moved(first.model, last.model, p.name)
+    ]
+    moved.sort(key=lambda w: -abs(math.log(w.factor)) if w.factor > 0 else 0.0)
+    return tuple(moved)
+
+
+def off_nominal(model: Model, nominal: Mapping[str, float]) -> list[str]:
+    """Say which base parameters are far from their nominal values."""
+    lines = []
+    for p in model.parameters.free:
+        value = nominal.get(p.name, 0.0)
+        if value > 0 and p.value > 0 and '.' not in p.name and p.name != 'b':
+            ratio = p.value / value
+            if abs(math.log(ratio)) > math.log(1.5) and _known(p.sigma, p.value):
+                lines.append(
+                    f'{p.name} ({p.description}) is {_times(ratio)} its nominal value '
+                    f'({with_unit(p.value, p.unit)} against {with_unit(value, p.unit)}).'
+                )
+    return lines
+
+
+def _evidence(
+    found: Candidate,
+    before: Step,
+    after: Step,
+    last: Step,
+    records: Sequence[Record],
+    floor: float,
+    nominal: Mapping[str, float],
+) -> Evidence:
+    parameters = {
+        name: (value, unit, sigma, value - INTERVAL * sigma, value + INTERVAL * sigma)
+        for name, (value, unit, sigma) in parameters_of(last.model, found.effect).items()
+    }
+    old, new = before.validation_error_percent, after.validation_error_percent
+    beyond = max(old**2 - floor**2, 1e-12 * old**2, 1e-300)
+    share = 100 * float(np.clip((old**2 - new**2) / beyond, 0.0, 1.0))
+    gain = 100 * (1 - new / old) if old > 0 else 0.0
+    plausible, why = _plausible(found.effect, last.model, records, nominal)
+    taken = f'it takes away {share:.0f} % of the squared error beyond sensor noise'
+    if old < AT_NOISE * floor:
+        taken = 'the error was at the sensor noise already'
+    words = (
+        f'{found.title} ({_values(parameters)}): evidence dBIC {found.delta_bic:.3g}; {taken}, '
+        f'and the held-out error {"falls" if gain >= 0 else "rises"} by {abs(gain):.2g} % '
+        f'({old:.3g} to {new:.3g} %).'
+        f'{why and f" {why}"}'
+    )
+    return Evidence(found.effect, found.title, found.delta_bic, share, gain, parameters,
+                    plausible, why, words)  # fmt: skip
+
+
+def _values(parameters: Mapping[str, tuple[float, str, float, float, float]]) -> str:
+    parts = []
+    for name, (value, unit, sigma, low, high) in parameters.items():
+        if sigma > 0 and math.isfinite(sigma):
+            ends = max(abs(low), abs(high))
+            digits = min(max(_DIGITS, 1 + math.ceil(math.log10(ends / sigma))), _MOST_DIGITS)
+            shown, least, most = (with_unit(one, unit, digits) for one in (value, low, high))
+            parts.append(f'{name} = {shown}, 95 %: {least} to {most}')
+        else:
+            parts.append(f'{name} = {with_unit(value, unit)}')
+    return '; '.join(parts)
+
+
+def _plausible(
+    key: str, model: Model, records: Sequence[Record], nominal: Mapping[str, float]
+) -> tuple[bool, str]:
+    """Judge sign and size of an effect's amplitudes."""
+    lines, fine = [], True
+    for card in effect(key).card.amplitudes:
+        p = model.parameters[f'{key}.{card.name}']
+        if card.positive and p.sigma == math.inf:
+            lines.append(f'These data see {card.name} only in combination with other parameters.')
+        elif card.positive:
+            sure = _known(p.sigma, p.value) and p.value > 0
+            fine = fine and sure
+            lines.append('Its sign is the one that physics demands.' if sure
+                         else f'{card.name} cannot be told from zero.')  # fmt: skip
+        lines += list(_size(card, abs(p.value), model, records, nominal))
+    fine = fine and not any('more than' in line for line in lines)
+    return fine, ' '.join(dict.fromkeys(lines))
+
+
+def _size(
+    card: Amplitude,
+    value: float,
+    model: Model,
+    records: Sequence[Record],
+    nominal: Mapping[str, float],
+) -> Iterator[str]:
+    """Compare a torque or force with the rated one, or with the largest in the data."""
+    unit = next((f.unit for f in model.kind.forces if f.name == 'torque'), '')
+    if card.unit != 'N m' or unit != 'N m':
+        return
+    drive = [model.kind.drive_torque(model.parameters.values(), r) for r in records]
+    whole, name = float(np.quantile(np.abs(np.concatenate(drive)), 0.999)), 'the largest torque'
+    if RATED in nominal:
+        whole, name = nominal[RATED], 'the rated torque'
+    if whole <= 0:
+        return
+    share = value / whole
+    kind = 'force' if linear_unit(card.unit) == 'N' and model.linear else 'torque'
+    name = name.replace('torque', kind)
+    yield (
+        f'{card.name} is {100 * share:.2g} % of {name}.' if share <= LARGE
+        else f'{card.name} is more than {name}: hardly plausible.'
+    )  # fmt: skip
+
+
+def _moved(first: Model, last: Model, name: str) -> Iterator[WrongParameter]:
+    old, new = first.parameters[name], last.parameters[name]
+    spread = math.hypot(old.sigma or 0.0, new.sigma or 0.0)
+    size = max(abs(old.value), abs(new.value))
+    change = abs(old.value - new.value)
+    if not math.isfinite(spread) or change <= CERTAIN * spread or change < WORTH * size:
+        return
+    if not new.logarithmic:
+        words = (
+            f'Without it, {name} ({new.description}) came out as {with_unit(old.value, new.unit)} '
+            f'instead of {with_unit(new.value, new.unit)}.'
+        )
+        factor = math.nan
+    else:
+        factor = old.value / new.value
+        words = (
+            f'Without it, {name} ({new.description}) was {_times(max(factor, 1 / factor))} too '
+            f'{"large" if factor > 1 else "small"}: {old.value:.3g} -> {new.value:.3g} {new.unit}.'
+        )
+    yield WrongParameter(
+        name, new.description, new.unit, old.value, new.value, old.sigma or 0.0,
+        new.sigma or 0.0, factor, words,
+    )  # fmt: skip
+
+
+def _known(sigma: float | None, value: float) -> bool:
+    return sigma is not None and math.isfinite(sigma) and abs(value) > 2 * sigma
+
+
+def _times(ratio: float) -> str:
+    return f'{ratio:.2g} times'

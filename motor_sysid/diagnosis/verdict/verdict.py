@@ -1,0 +1,131 @@
+"""What a finished ladder says."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from motor_sysid.diagnosis.result.result import Verdict
+from motor_sysid.diagnosis.search.gates import gone, SURE, UNSTEADY
+from motor_sysid.diagnosis.search.ranking import NEARLY_ALL
+from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.diagnosis.where.remainder import Remainder, TRIFLE_PERCENT
+
+ALL_BUT_A_TRIFLE = 0.99
+"""As `NEARLY_ALL`, for several effects with which a friction of the motor turns out to be nothing:
+a law may take in a little of it, and wrong ones do not explain so much together."""
+
+FLOOR_SURE = 0.1
+"""Relative error of the square of the sensor noise that is read from the data."""
+
+EXPLAINED = 0.9
+"""Share of the squared error beyond sensor noise that what is named must explain, where something
+predictable remains or where base parameters are undetermined."""
+
+FAINT = 0.02
+"""Predictable share of the squared error below which next to nothing can be predicted."""
+
+NOTICED = 1.1
+"""Fall of the held-out error from which on an effect is no trifle, however small the error was."""
+
+TOO_VAGUE = 2
+"""Base parameters that may not be undetermined together, without and with what is named;
+inductance alone often is."""
+
+
+def _vague(rung: Rung) -> int:
+    """Return how many base parameters are undetermined, of a combination all but one.
+
+    A missing effect may push two of them to their bounds; with it, they come back.
+    """
+    base = [name for name in rung.result.undetermined if '.' not in name]
+    said = [text for text in rung.result.unidentifiable if '.' not in text.split()[0]]
+    return max(len(base) - 1, min(len(said), len(base)))
+
+
+def _drops(ladder: Sequence[tuple[Rung, list[Trial]]]) -> list[float]:
+    """Return the decrease of the squared held-out error by each of several effects, %^2."""
+    rungs = [rung for rung, _ in ladder]
+    drops = [
+        before.held.error_percent**2 - after.held.error_percent**2
+        for before, after in pairwise(rungs)
+        if set(before.model.effects) < set(after.model.effects)
+    ]
+    return drops if len(drops) > 1 else []
+
+
+def _outweighs(left: Remainder, final: Rung, drop: float) -> bool:
+    """Whether more is left for certain, and of a shape, than an effect took away, %^2."""
+    return left.structured and left.share * final.held.error_percent**2 > drop
+
+
+def is_last_outweighed(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> bool:
+    """Whether the last of several effects alone takes away less than what is left."""
+    *others, last = _drops(ladder) or [np.inf]
+    if not others or ladder[-1][0].model.effects[:-1] != ladder[-2][0].model.effects:
+        return False
+    final = ladder[-1][0]
+    return _outweighs(left, final, last) and not _outweighs(left, final, min(others))
+
+
+def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | None:
+    """Return what training data speak for beyond doubt and held-out data only in part, if any.
+
+    That a model is complete cannot be said then, though nothing is named either: it lowers the
+    held-out error by more than what is too small to matter, but not steadily, as waves over a turn
+    do whose angle is not measured.
+    """
+    least = base.held.error_percent**2 - TRIFLE_PERCENT**2
+    torn = [
+        t for t in trials
+        if t.note == UNSTEADY and t.delta_bic > SURE * threshold
+        and t.rung.held.error_percent**2 < least
+    ]  # fmt: skip
+    return max(torn, key=lambda t: t.delta_bic, default=None)
+
+
+def verdict_of(
+    ladder: Sequence[tuple[Rung, list[Trial]]],
+    left: Remainder,
+    rivals: Mapping[str, tuple[str, ...]],
+    accounted: float = 1.0,
+    doubted: bool = False,
+) -> Verdict:
+    """Return what a ladder of fits, with what was tried on each, comes to.
+
+    If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
+    does not explain nearly all, something is missing, but not that; nor is it what is named if
+    that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
+    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
+    Of several effects none may take away less than the missing physics that is left, and none may
+    leave nothing of a parameter of the motor that was well known, unless several explain all but a
+    trifle.  Where base parameters are undetermined, what explains nearly all is named all the
+    same.
+    """
+    base, final = ladder[0][0], ladder[-1][0]
+    structured = left.structured
+    before, after = base.held.error_percent**2, final.held.error_percent**2
+    beyond = before - left.floor_percent**2
+    explained = (before - after) / max(beyond, 1e-300)
+    vague = min(_vague(base), _vague(final)) >= TOO_VAGUE
+    if vague and not structured and (len(ladder) == 1 or explained < EXPLAINED):
+        return Verdict.INSUFFICIENT_DATA
+    if len(ladder) == 1:
+        return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
+    missing = min(left.predictable * after, left.beyond_percent**2)
+    larger = left.predictable > FAINT and missing > before - after
+    doubted = (doubted or larger) and explained < NEARLY_ALL
+    surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
+    doubted = doubted or max(accounted, surely) < NEARLY_ALL
+    trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
+    if doubted and not structured and trifle:
+        return Verdict.COMPLETE
+    outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
+    if (structured and explained < EXPLAINED) or outweighed or doubted:
+        return Verdict.UNKNOWN_EFFECT
+    several = len(final.model.effects) > len(base.model.effects) + 1
+    believed = several and explained > ALL_BUT_A_TRIFLE
+    if not believed and gone(final.model, base.model):
+        return Verdict.UNKNOWN_EFFECT
+    return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING

@@ -1,0 +1,187 @@
+"""The verdict in plain words."""
+
+from collections.abc import Mapping, Sequence
+
+from motor_sysid.diagnosis.result.findings import (
+    BlindSpot,
+    Evidence,
+    Rivalry,
+    Unknown,
+    WrongParameter,
+)
+from motor_sysid.diagnosis.result.result import Candidate, Step, Verdict
+from motor_sysid.diagnosis.search.gates import UNSTEADY
+from motor_sysid.diagnosis.search.synonyms import other_names
+from motor_sysid.diagnosis.where.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
+from motor_sysid.physics.effects import effect
+
+_EXPERIMENTS = {
+    'reversals': 'several constant speeds from very slow to fast, in both directions, 1 s each',
+    'slow turn': 'at least five slow turns at constant speed, in both directions',
+    'steps': 'voltage steps of several heights, 0.2 s apart, for 20 s',
+    'long load': 'high and low load in turn for several thermal time constants',
+}
+
+
+def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[str]:
+    """Say that nothing is missing, and what these data could not have shown."""
+    lines = [
+        f'Nothing is missing that these data could show: the held-out error is '
+        f'{step.validation_error_percent:.3g} %, sensor noise alone makes '
+        f'{left.floor_percent:.3g} %.'
+    ]
+    if left.above_floor and (left.uneven or left.predictable > STRUCTURE):
+        lines.append(
+            f'What remains above the sensor noise is below {TRIFLE_PERCENT:g} % of the signal.'
+        )
+    elif left.above_floor:
+        lines.append(
+            'What remains above the sensor noise is not predictable from the input, as random '
+            'load or drive ripple is.'
+        )
+    return [*lines, *(f'{spot.words} {_advice(spot)}' for spot in spots if spot.effects)]
+
+
+def unknown(
+    ladder: Sequence[Step], left: Remainder, found: Sequence[Unknown]
+) -> list[str]:
+    """Say that something unknown is missing, and on which axis it lives."""
+    least = ladder[-1].validation_error_percent**2 - TRIFLE_PERCENT**2
+    torn = [
+        c for c in ladder[-1].candidates
+        if c.note == UNSTEADY and c.validation_error_percent**2 < least
+    ]  # fmt: skip
+    if torn and len(ladder) == 1 and not left.structured:
+        return _contested(ladder[-1], max(torn, key=lambda c: c.delta_bic))
+    lines = [
+        f'Something is missing that the catalogue does not hold: the held-out error is '
+        f'{ladder[-1].validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
+        f'noise in one channel, and {_structure(left)}.'
+    ]
+    return [*lines, *shapes(found), *_partial(ladder)]
+
+
+def _contested(step: Step, found: Candidate) -> list[str]:
+    """Say that training and held-out data do not agree on an effect."""
+    title = effect(found.effect).card.title
+    return [
+        f'Something is missing, but these data do not agree on what: {title} has overwhelming '
+        f'evidence in the training data (a gain in BIC of {found.delta_bic:.0f}) and lowers the '
+        f'held-out error from {step.validation_error_percent:.3g} to '
+        f'{found.validation_error_percent:.3g} %, yet it {found.note}. To do: hold back data like '
+        'those for training, with the position if there is an encoder',
+    ]
+
+
+def _structure(left: Remainder) -> str:
+    """Say what tells that what is left is no noise."""
+    if left.swing and left.swings:
+        share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
+        return f'{share:.0f} % of it swings at {pace}, as in the training data'
+    if left.drifts and left.predictable < STRUCTURE:
+        return f'{100 * left.drift:.0f} % of it in one record drifts: something came or went there'
+    if left.uneven and left.predictable < STRUCTURE:
+        return f'the model describes one record {left.unevenness:.2g} times worse than another'
+    if left.predictable < STRUCTURE:
+        return (
+            'the motion hardly predicts any of it: loads that come and go, or what a drive does '
+            'between two samples, look like that'
+        )
+    return f'{100 * left.predictable:.0f} % of it is predictable from the motion'
+
+
+def shapes(found: Sequence[Unknown]) -> list[str]:
+    """Say on which axis each equation's lack lives; one that is noise is not spoken of.
+
+    Where two equations lack something on one axis, the clearer one is spoken of.
+    """
+    lines, axes = [], set()
+    for one in found:
+        if one.axis and one.axis in axes:
+            continue
+        axes.add(one.axis)
+        if one.axis or one.rms > 1.2 * one.noise:
+            lines.append(one.words)
+    return lines or ['It shows on no axis of the unexplained torque and voltage.']
+
+
+def insufficient(
+    names: Sequence[str], warnings: Sequence[str], spots: Sequence[BlindSpot]
+) -> list[str]:
+    """Say what the data do not determine, and what the excitation lacks."""
+    what = f': {", ".join(names)}' if names else ''
+    lines = [f'These data do not determine the motor{what}.']
+    lines += [f'{spot.words} {_advice(spot)}' for spot in spots]
+    told = {name for spot in spots for name in spot.parameters}
+    rest = [name for name in names if name not in told]
+    if rest and len(rest) < len(names):
+        lines.append(f'{", ".join(rest)}: excite the motor more, with steps of random height.')
+    if not spots:
+        lines += [f'{warning[:1].upper()}{warning[1:]}.' for warning in warnings]
+    return lines
+
+
+def named(
+    ladder: Sequence[Step],
+    left: Remainder,
+    evidence: Sequence[Evidence],
+    rivalries: Sequence[Rivalry],
+    found: Sequence[Unknown],
+) -> list[str]:
+    """Say what is missing, with its evidence."""
+    first, last = ladder[0], ladder[-1]
+    added = [k for k in last.model.effects if k not in first.model.effects]
+    names = ' and '.join(effect(k).card.title for k in added) or 'nothing'
+    lines = [
+        f'Missing: {names}. With {"them" if len(added) > 1 else "it"} the held-out error falls '
+        f'from {first.validation_error_percent:.3g} to {last.validation_error_percent:.3g} %; '
+        f'sensor noise alone makes {left.floor_percent:.3g} %.'
+    ]
+    lines += [one.words for one in evidence]
+    lines += [one.words for one in rivalries]
+    lines += other_names(last.model)
+    if left.structured:
+        lines.append(
+            f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
+            f'noise and {_structure(left)}, but no effect of the catalogue explains it.'
+        )
+        lines += shapes(found)
+    return lines
+
+
+def wrong(found: Sequence[WrongParameter]) -> list[str]:
+    """Say which base parameters were wrong."""
+    return [one.words for one in found]
+
+
+def experiment(
+    verdict: Verdict, rivals: Mapping[str, tuple[str, ...]]
+) -> dict[str, str] | None:
+    """Say what to record next, if that would decide something."""
+    if verdict is Verdict.INSUFFICIENT_DATA:
+        return {'profile': _EXPERIMENTS['steps'], 'purpose': 'to determine the base parameters'}
+    if verdict is Verdict.AMBIGUOUS:
+        key = next(k for k, others in rivals.items() if others)
+        axis = effect(key).card.axis
+        profile = {'position': 'slow turn', 'time': 'long load'}.get(axis, 'reversals')
+        names = ' from '.join((key, *rivals[key][:1]))
+        return {'profile': _EXPERIMENTS[profile], 'purpose': f'to tell {names}'}
+    return None
+
+
+def _partial(ladder: Sequence[Step]) -> list[str]:
+    if len(ladder) < 2:
+        return []
+    names = ' and '.join(effect(k).card.title for k in ladder[-1].model.effects)
+    return [
+        f'{names} would explain a part of it, but not enough to be named: a wrong neighbour often '
+        'looks like that.'
+    ]
+
+
+def _advice(spot: BlindSpot) -> str:
+    return f'{spot.remedy[:1].upper()}{spot.remedy[1:]}.' if spot.remedy else ''
+
+
+def _times(ratio: float) -> str:
+    return f'{ratio:.1f} times' if ratio < 100 else 'more than a hundred times'

@@ -1,0 +1,89 @@
+"""Compare a model with records: errors by channel, and where the model fails."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.result.curves import Where
+from motor_sysid.diagnosis.where.axes import axes_of
+from motor_sysid.diagnosis.where.unexplained import lack_of
+from motor_sysid.diagnosis.where.where import errors_by
+from motor_sysid.estimation.batch import Chain, Problem
+from motor_sysid.physics.model import Model
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+@dataclass(frozen=True)
+class Comparison:
+    """Measured against simulated, free-running from the recorded input.
+
+    Attributes
+    ----------
+    error_percent:
+        RMS over channels of the channel errors.
+    channel_percent:
+        Output to RMS error in percent of the RMS of the measured signal.
+    predictions:
+        For each scored stretch, output to (N,) simulated values.
+    residuals:
+        For each scored stretch (N, n_y) measured minus simulated.
+    measured:
+        For each scored stretch (N, n_y).
+    """
+
+    error_percent: float
+    channel_percent: Mapping[str, float]
+    predictions: tuple[Mapping[str, Array], ...]
+    residuals: tuple[Array, ...]
+    measured: tuple[Array, ...]
+
+
+@np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
+def compare(
+    model: Model, chains: Sequence[Chain], outputs: Sequence[str], *, substeps: int = 1
+) -> Comparison:
+    """Run a model over chains from the measured initial state and take the errors."""
+    problem = Problem(model, chains, outputs, substeps=substeps)
+    z = problem.vector()[np.newaxis, :]
+    runs = zip(problem.stretches, problem.simulate(z), strict=True)
+    return comparison_of([stretch.judged - run[:, :, 0] for stretch, run in runs], problem)
+
+
+def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
+    """Return the comparison of a model whose residuals (N, n_y) over the data are known."""
+    residuals, outputs = tuple(found), problem.outputs
+    measured = tuple(stretch.judged for stretch in problem.stretches)
+    channel = channel_errors(residuals, measured)
+    predictions = tuple(
+        {name: (m - r)[:, j] for j, name in enumerate(outputs)}
+        for m, r in zip(measured, residuals, strict=True)
+    )
+    return Comparison(
+        float(np.sqrt(np.mean(channel**2))),
+        dict(zip(outputs, channel.tolist(), strict=True)),
+        predictions,
+        residuals,
+        measured,
+    )
+
+
+@np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
+def channel_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Array:
+    """Return (n_y,) RMS errors in percent of the RMS of the measured signals."""
+    error = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
+    size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
+    percent: Array = 100 * error / np.maximum(size, 1e-300)
+    return percent
+
+
+def where_it_fails(
+    model: Model, records: Sequence[Record], comparison: Comparison
+) -> tuple[Where, ...]:
+    """Say along which axes the squared error of a comparison over uniform records lies."""
+    runs = list(zip(records, comparison.predictions, strict=True))
+    axes = axes_of(model, records, [lack_of(model, r, p).states for r, p in runs])
+    errors = [{name: r[name] - values for name, values in p.items()} for r, p in runs]
+    return errors_by(axes, records, errors)

@@ -1,0 +1,306 @@
+"""Tell noise from missing physics in what is left when no candidate helps any more.
+
+Sensor noise and random loads cannot be predicted from the input; missing physics can.  So a
+general regression from the simulated motion to the residual is fitted on the training data and
+judged on the held-out data: the share of the remaining error that it predicts there is structure.
+
+In a closed loop the controller answers to random loads, too, so that the input predicts them:
+there the motion counts as far as the reference leads it.
+
+What cannot be predicted is missing physics, too, if it swings at one frequency in training and
+held-out data, if it drifts, or if the model describes one record much worse than another.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import lfilter
+
+from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.diagnosis.where.drift import DRIFT, drift_of
+from motor_sysid.diagnosis.where.oscillation import Swing, swing_of
+from motor_sysid.diagnosis.where.uneven_records import UNEVEN, unevenness_of
+from motor_sysid.estimation.batch import Chain
+from motor_sysid.estimation.batch.chains import Stretch
+from motor_sysid.estimation.batch.methods.reference import led_by_reference
+from motor_sysid.signals.noise import noise_sigmas
+
+Array = NDArray[np.float64]
+
+_LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
+"""Delays of what is looked at, samples."""
+
+_TAUS = (8.0, 30.0, 120.0, 400.0)
+"""Time constants of lags behind what is looked at, samples."""
+
+_HATS = 12
+"""Pieces of a function of any shape over a signal's range."""
+
+_TAPS, _TAP_WIDTH = 60, 4
+"""Pieces of an impulse response from the input, and how many samples each is wide."""
+
+_RIDGES, _STRONG_RIDGE = (1e-4, 1e-2), 0.1
+"""Share of the features' variance that holds their weights down: across blocks, whichever predicts
+more (weights that follow one record closely may run away on another), and where the prediction is
+for data of another kind."""
+
+_FOLDS = 12
+_ROWS = 12_000
+"""Blocks of cross-validation; rows that are looked at of long records."""
+
+STILL = 1e-9
+"""Spread of a feature over the training data, in units of the largest, below which it tells
+nothing there."""
+
+STRUCTURE = 0.1
+"""Share of the remaining error that must be predictable before it is called missing physics."""
+
+ABOVE_FLOOR = 1.3
+"""Remaining error over sensor noise below which nothing more is looked for."""
+
+LARGE, LARGE_PERCENT = 4.0, 10.0
+"""Remaining error over sensor noise, and in percent of the signal, above which something is
+missing even if nothing predicts it: what disturbs a motor that much is part of its model."""
+
+TRIFLE_PERCENT = 1.0
+"""Size of what is predictable, in percent of the signal, below which a model is good enough."""
+
+
+@dataclass(frozen=True)
+class Remainder:
+    """What remains of the error.
+
+    Attributes
+    ----------
+    floor:
+        Output to standard deviation of its sensor noise, in the unit of the signal.
+    floor_percent:
+        The error that this noise alone makes, combined over outputs.
+    error_percent:
+        The error that remains on held-out data, free-running.
+    over_floor:
+        Largest ratio of an output's error to its noise.
+    predictable:
+        Share of the squared error of an output that the simulated motion predicts: the squared
+        correlation with a cautious prediction on the held-out data, or what regressions on eleven
+        twelfths of all data predict of the rest, whichever is larger; near 0 for noise.
+    swing:
+        One frequency at which it swings in training and held-out data, if there is one.
+    unevenness:
+        How many times larger it is in one record than in another.
+    drift:
+        Share of the squared error of a record that is slower than half of it.
+    beyond_percent:
+        The error that remains when the noise of each sensor is taken out of its own output,
+        combined over outputs: one output may have all of the noise, another all of the physics.
+    """
+
+    floor: dict[str, float]
+    floor_percent: float
+    error_percent: float
+    over_floor: float
+    predictable: float
+    swing: Swing | None = None
+    unevenness: float = 1.0
+    drift: float = 0.0
+    beyond_percent: float = np.inf
+
+    @property
+    def swings(self) -> bool:
+        """Whether more of it swings at one frequency than the motion predicts."""
+        return self.swing is not None and self.swing.share > max(self.predictable, STRUCTURE)
+
+    @property
+    def uneven(self) -> bool:
+        """Whether one record has more of it than sensors and random loads make."""
+        return self.unevenness > UNEVEN
+
+    @property
+    def drifts(self) -> bool:
+        """Whether it is slower in one record than what sensors and random loads make."""
+        return self.drift > DRIFT
+
+    @property
+    def share(self) -> float:
+        """Share of its square that is missing physics."""
+        share = max(self.predictable, self.swing.share if self.swing else 0.0)
+        share = max(share, 1.0 - self.unevenness**-2) if self.uneven else share
+        return max(share, self.drift) if self.drifts else share
+
+    @property
+    def structured(self) -> bool:
+        """Whether something remains that is missing physics and no trifle."""
+        size = min(self.error_percent * np.sqrt(self.share), self.beyond_percent)
+        told = self.above_floor and self.share > STRUCTURE and size > TRIFLE_PERCENT
+        return bool(told or self.large)
+
+    @property
+    def large(self) -> bool:
+        """Whether so much remains that a model without it is not complete, whatever it is."""
+        beyond = self.error_percent > LARGE * self.floor_percent
+        return beyond and self.error_percent > LARGE_PERCENT
+
+    @property
+    def above_floor(self) -> bool:
+        """Whether more remains than the sensors make, in the held-out data or in some record."""
+        return self.over_floor > ABOVE_FLOOR or self.uneven
+
+
+def examine_remainder(
+    outputs: Sequence[str],
+    training: Comparison,
+    validation: Comparison,
+    held: Comparison,
+    chains: tuple[Sequence[Chain], Sequence[Chain]],
+    differenced: Sequence[bool],
+    orders: Sequence[int],
+) -> Remainder:
+    """Examine the residual of a fitted model.
+
+    Parameters
+    ----------
+    outputs:
+        Names of the outputs.
+    training, held:
+        Comparisons over the chains that the fit and the gates looked at.
+    validation:
+        Free-running comparison on the held-out data.
+    chains:
+        Chains of `training` and of `held`.
+    differenced:
+        For each output, whether its noise is that of differenced counts.
+    orders:
+        Waves per turn that stand out of the unexplained torque.
+    """
+    of_signal = noise_sigmas(validation.measured, differenced)
+    floor = np.minimum(of_signal, noise_sigmas(validation.residuals, differenced))
+    size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
+    error = np.sqrt(np.mean(np.concatenate(validation.residuals) ** 2, axis=0))
+    noise = np.minimum(floor, error)
+    return Remainder(
+        dict(zip(outputs, noise.tolist(), strict=True)),
+        float(100 * np.sqrt(np.mean((noise / size) ** 2))),
+        validation.error_percent,
+        float(np.max(error / np.maximum(noise, 1e-300))),
+        _predictable(training, held, chains, orders),
+        swing_of(training, held, chains),
+        unevenness_of(training, held, chains, noise),
+        drift_of(training, held, chains, ABOVE_FLOOR * noise),
+        float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
+    )
+
+
+def _predictable(
+    training: Comparison,
+    held: Comparison,
+    chains: tuple[Sequence[Chain], Sequence[Chain]],
+    orders: Sequence[int],
+) -> float:
+    stride = max(sum(len(r) for r in training.residuals) // _ROWS, 1)
+    x, y = _regression(training, chains[0], orders, stride)
+    xv, yv = _regression(held, chains[1], orders, stride)
+    if len(x) < 4 * x.shape[1] or len(xv) < 20:
+        return 1.0  # too short to tell: what is beyond the noise is not to be called noise
+    middle, spread = x.mean(axis=0), x.std(axis=0)
+    moves = spread > STILL * np.max(spread)
+    middle, spread = middle[moves], spread[moves]
+    x, xv = (x[:, moves] - middle) / spread, (xv[:, moves] - middle) / spread
+    gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
+    offset = y.mean(axis=0)
+    guess = offset + xv @ np.linalg.solve(gram, x.T @ (y - offset))
+    along = np.maximum(np.sum(yv * guess, axis=0), 0.0) ** 2
+    along /= np.maximum(np.sum(yv**2, axis=0) * np.sum(guess**2, axis=0), 1e-300)
+    across = _cross_validated(np.concatenate((x, xv)), np.concatenate((y, yv)))
+    return max(0.0, float(np.max(along)), across)
+
+
+def _cross_validated(x: Array, y: Array) -> float:
+    """Return the largest share of a column of y that regressions on other blocks predict."""
+    edges = [-(-len(x) * k // _FOLDS) for k in range(_FOLDS + 1)]
+    folds = [(x[a:b], y[a:b]) for a, b in pairwise(edges)]
+    grams = [part.T @ part for part, _ in folds]
+    sides = [part.T @ target for part, target in folds]
+    gram, side = np.sum(grams, axis=0), np.sum(sides, axis=0)
+    left = np.zeros((len(_RIDGES), y.shape[1]))
+    for row, ridge in zip(left, _RIDGES, strict=True):
+        damped = gram + ridge * len(x) * np.eye(x.shape[1])
+        for own, other, (part, target) in zip(grams, sides, folds, strict=True):
+            weights = np.linalg.solve(damped - own, side - other)
+            row += np.sum((target - part @ weights) ** 2, axis=0)
+    return float(np.max(1 - left / np.maximum(np.sum(y**2, axis=0), 1e-300)))
+
+
+def _regression(
+    comparison: Comparison, chains: Sequence[Chain], orders: Sequence[int], stride: int
+) -> tuple[Array, Array]:
+    """Return features of the simulated motion (K, f) and residuals (K, n_y).
+
+    Of long records only every `stride`-th row is taken.
+    """
+    stretches = [s for chain in chains for s in chain if s.scored]
+    rows, targets = [], []
+    scale = np.sqrt(np.mean(np.concatenate(comparison.measured) ** 2, axis=0)) + 1e-300
+    for stretch, residual, measured in zip(
+        stretches, comparison.residuals, comparison.measured, strict=True
+    ):
+        longest = _TAPS * _TAP_WIDTH
+        if len(residual) <= 2 * longest:
+            continue
+        simulated = (measured - residual) / scale
+        drive = stretch.drive.inputs[stretch.scored_from :]
+        drive = drive / (np.sqrt(np.mean(drive**2)) + 1e-300)
+        motion = np.concatenate((drive, simulated), axis=1)
+        channels = led_by_reference(stretch.record, motion, stretch.scored_from)
+        drive, moved = np.split(channels, [drive.shape[1]], axis=1)
+        shaped = np.concatenate(
+            (
+                channels,
+                np.tanh(20 * moved),
+                moved * np.abs(moved),
+                np.abs(moved) * np.tanh(20 * moved[:, ::-1]),
+                _waves(stretch, len(channels), orders),
+            ),
+            axis=1,
+        )
+        lagged = [shaped[longest - lag : len(shaped) - lag : stride] for lag in _LAGS]
+        bumps = np.concatenate([_bumps(column) for column in moved.T], axis=1)
+        wide = np.concatenate((shaped, bumps), axis=1)
+        lagged += [bumps[longest::stride]]
+        lagged += [_slowed(wide, tau)[longest::stride] for tau in _TAUS]
+        area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
+        mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
+        ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
+        begins = [end - _TAP_WIDTH for end in ends]
+        lagged += [mean[begin : begin + len(shaped) - longest : stride] for begin in begins]
+        clock = np.linspace(-1, 1, len(shaped))[longest::stride, np.newaxis]
+        rows.append(np.concatenate([clock * lagged[0], *lagged], axis=1))
+        targets.append(residual[longest::stride])
+    if not rows:
+        return np.empty((0, 1)), np.empty((0, comparison.residuals[0].shape[1]))
+    return np.concatenate(rows), np.concatenate(targets)
+
+
+def _bumps(values: Array) -> Array:
+    """Return (N, k) hats over the range of (N,) values: their sums are functions of any shape."""
+    low, high = np.quantile(values, (0.005, 0.995))
+    place = (values - low) / max(high - low, 1e-300) * (_HATS - 1)
+    hats: Array = np.maximum(1.0 - np.abs(place[:, np.newaxis] - np.arange(_HATS)), 0.0)
+    return hats
+
+
+def _slowed(values: Array, tau: float) -> Array:
+    """Return (N, f) values behind a first-order lag of `tau` samples, as a rotor would be."""
+    keep = np.exp(-1.0 / tau)
+    slow: Array = lfilter([1 - keep], [1, -keep], values, axis=0, zi=keep * values[:1])[0]
+    return slow
+
+
+def _waves(stretch: Stretch, count: int, orders: Sequence[int]) -> Array:
+    """Return sines and cosines of multiples of the rotor angle, (N, 2 K); none without angle."""
+    angle = stretch.drive.position[stretch.scored_from :]
+    if angle.size == 0 or not orders:
+        return np.empty((count, 0))
+    return np.stack([f(n * angle) for n in (1, *orders) for f in (np.sin, np.cos)], axis=1)

@@ -1,0 +1,61 @@
+"""Records that a model describes unevenly: what is missing acts in some of them only.
+
+Sensors make the same error in every record, and so do random loads, within a tenth or two.  A
+drive that clips only in the largest moves cannot be predicted from the records in which it did
+not, but it shows: the model fails there, and holds in the others.
+"""
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.estimation.batch import Chain
+from motor_sysid.estimation.batch.methods.reference import moving_references
+
+Array = NDArray[np.float64]
+
+UNEVEN = 2.0
+"""Ratio of the errors of two records from which on the model lacks something; complete models with
+random loads reach 1.2."""
+
+
+def unevenness_of(
+    training: Comparison,
+    held: Comparison,
+    chains: tuple[Sequence[Chain], Sequence[Chain]],
+    noise: Array,
+) -> float:
+    """Return how many times larger an output's error is in one record than in another, at most.
+
+    The smaller one counts as sensor noise at least, which is `noise` (n_y,).  Records under
+    control and others are compared apart: a controller lets random loads do less to the speed.
+    """
+    residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
+    loops = [loop for side in chains for loop in _loops(side)]
+    ratios = [1.0]
+    for kind in set(loops):
+        own = [r for r, loop in zip(residuals, loops, strict=True) if loop == kind]
+        errors = np.sqrt([np.mean(residual**2, axis=0) for residual in own])
+        best = np.maximum(np.min(errors, axis=0), noise)
+        ratios.append(float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300))))
+    return max(ratios)
+
+
+def _loops(chains: Sequence[Chain]) -> Iterator[bool]:
+    """Yield of each chain that is scored whether its record holds a reference that moves."""
+    for chain in chains:
+        records = [stretch.record for stretch in chain if stretch.scored]
+        if records:
+            yield any(moving_references(record) for record in records)
+
+
+def by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:
+    """Yield the residual (N, n_y) of each chain that is scored."""
+    residuals = iter(comparison.residuals)
+    for chain in chains:
+        own = list(islice(residuals, sum(stretch.scored for stretch in chain)))
+        if own:
+            yield np.concatenate(own)
