@@ -15,9 +15,9 @@ Wanner, Solving Ordinary Differential Equations II, 1996, section IV.3, for stif
 
 A stiff law that turns within a step (the sign of a friction, and then sticking) does so at some
 moment in it, which one step does not see: that error falls with the length of the step, whatever
-the order of the method.  The whole sample is then taken again in finer pieces.  How much these
-count in a lane grows steadily with how far its laws have turned, so that differences between lanes
-stay smooth.
+the order of the method.  That step is then taken again in finer ones.  How much these count in a
+lane grows steadily with how far its laws have turned, so that differences between lanes stay
+smooth.
 
 What happens at once (the rotor passes an angle at which the drive commutates) is added to the
 state at the end of the step in which it happens.
@@ -82,20 +82,21 @@ def run_block(  # type: ignore[no-untyped-def]
     Parameters
     ----------
     whole:
-        (S, n, K, W) matrices of one substep of each of S pieces of a sample, the first half of the
-        coarse and of the fine ones under the older input where there is an input delay: E, h phi1
-        B and h phi1 G side by side, filled up with zeros to K columns, a multiple of `CHUNK`.
+        (S, n, K, W) matrices of one step in each of the pieces of a sample, the first half of them
+        under the older input where there is an input delay, and of the finer steps in place of
+        one step of the first piece, the second, ...: E, h phi1 B and h phi1 G side by side, filled
+        up with zeros to K columns, a multiple of `CHUNK`.
     phi1_force, phi2_force:
         (S, n, m, W) matrices h phi1 G and h phi2 G.
     width:
-        (S, W) length of a substep in s.
+        (S, W) length of a step in s.
     wide:
         Lanes that are used, at most W; the others are left alone.
     coarse:
-        How many of the pieces a sample is made of; the others make up the same sample in finer
-        steps, and are taken where a stiff law turns within a step.  Without them none is.
+        How many pieces a sample is made of; what follows are finer steps, which are taken where a
+        stiff law turns within a step.  Without them no step is taken again.
     substeps, dt, t0:
-        Substeps per piece, sample time, and (W,) time of each lane's first row of inputs in s.
+        Steps per piece, sample time in s, and (W,) time of each lane's first row of inputs in s.
     first, count:
         Row to begin at, and row to end before.
     inputs:
@@ -131,7 +132,7 @@ def run_block(  # type: ignore[no-untyped-def]
         (N - first, n_y, W) model outputs at the sample times.
     """
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
-    fine = pieces - coarse
+    fine = pieces // coarse - 1
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]
     n_memory, n_jumps = memory_offset.shape[0], jump_calls.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
@@ -147,8 +148,8 @@ def run_block(  # type: ignore[no-untyped-def]
     answers = np.zeros(m, dtype=np.bool_)
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
-    now, h, here, there, passed, turned, begins = np.zeros((7, LANES))
-    rough, whole_sample = np.empty((n, LANES)), coarse * substeps
+    now, h, here, there, passed, turned, begins, since = np.zeros((8, LANES))
+    rough, old = np.empty((2, n, LANES))
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = speed_row = -1
     for j in range(n):
@@ -184,21 +185,24 @@ def run_block(  # type: ignore[no-untyped-def]
             for j in range(n):
                 previous[j, k] = x[j, k]
             now[k] = begins[k]
-        if fine > 0:
-            remember(wide, p, memory_offset, kept)
-            for k in range(wide):
-                turned[k] = 0.0
-        part, last, lately = 0, whole_sample, coarse // 2
-        while part < last:
-            piece = part // substeps
-            delayed = late.shape[0] > 0 and piece < lately
+        step, finer = 0, 0  # the finer ones are counted from 1
+        while step < coarse * substeps:
+            part = step // substeps
+            piece = part if finer == 0 else coarse + part * fine + finer - 1
+            if fine > 0 and finer == 0:
+                remember(wide, p, memory_offset, kept)
+                for k in range(wide):
+                    since[k], turned[k] = now[k], 0.0
+                    for j in range(n):
+                        old[j, k] = x[j, k]
+            delayed = late.shape[0] > 0 and part < coarse // 2
             hold_input(wide, u, inputs, late, places, sample - (1 if delayed else 0))
             if n_lanes + n_slopes + n_memory + n_jumps == 0 and not pushed:
                 predict(wide, predicted, whole, piece, all_in)
                 for j in range(n):
                     for k in range(wide):
                         x[j, k] = predicted[j, k]
-                part += 1
+                step += 1
                 continue
             for j in range(n_u):
                 row = input_rows[j] * LANES
@@ -299,7 +303,7 @@ def run_block(  # type: ignore[no-untyped-def]
                     share[j, k] = w[HARD_ROW + k]
                 for k in range(wide):
                     p[row + k] = predicted[own_state[j], k]
-                if part < whole_sample:
+                if fine > 0 and finer == 0:
                     mark_turned(wide, w, j, begun[j], predicted[own_state[j]], turned)
             for j in range(m):
                 if answers[j]:
@@ -316,18 +320,22 @@ def run_block(  # type: ignore[no-untyped-def]
                     wide, p, base, x, jump_calls, jump_state, jump_rows, lane_calls, n_lanes,
                     force_rows, secant,
                 )  # fmt: skip
-            part += 1
-            if part == whole_sample and fine > 0 and np.any(turned[:wide] > 0.0):
+            if fine > 0 and finer == 0 and np.any(turned[:wide] > 0.0):
                 for j in range(n):
                     for k in range(wide):
                         rough[j, k] = x[j, k]
-                        x[j, k] = previous[j, k]
+                        x[j, k] = old[j, k]
                 swap(wide, p, memory_offset, kept)
                 for k in range(wide):
-                    now[k] = begins[k]
-                last, lately = pieces * substeps, coarse + fine // 2
-        if last > whole_sample:
-            blend(wide, x, rough, p, memory_offset, kept, turned)
+                    now[k] = since[k]
+                finer = 1
+                continue
+            if finer > 0:
+                finer += 1
+                if finer <= fine:
+                    continue
+                blend(wide, x, rough, p, memory_offset, kept, turned)
+            step, finer = step + 1, 0
     state[:] = x
 
 

@@ -316,7 +316,7 @@ class Program:
         if delayed and self._delay_names:
             late, width = delays(full[self._delay_names], dt)
         again, even = turning and self._calls[1] > 0, bool(self.kind.wave)
-        coarse, width = coarse_and_fine(width / substeps, parts, again=again, even=even)
+        coarse, width = coarse_and_fine(width, parts, substeps, again=again, even=even)
         wide = min(-(-used // GROUP) * GROUP, LANES)
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))

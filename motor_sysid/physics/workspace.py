@@ -16,8 +16,9 @@ WORTH_CUTTING = 4_000
 """Samples from which on half the stretches run in a thread of their own."""
 
 FINE, FINEST = 8, 16
-"""Pieces in which a piece of a sample is taken again where a stiff law turns, and how many of them
-a sample may have."""
+"""Steps in which a step is taken again where a stiff law turns, and how many of them a sample may
+have."""
+
 
 @dataclass
 class Workspace:
@@ -62,17 +63,21 @@ def graded(width: Array, parts: int, *, even: bool = False) -> Array:
     return np.concatenate([np.outer(shares, piece) for piece in width])
 
 
-def coarse_and_fine(width: Array, parts: int, *, again: bool, even: bool) -> tuple[int, Array]:
-    """Cut pieces (S, W) of a sample in `parts`, and in finer ones where it may be taken `again`.
+def coarse_and_fine(
+    width: Array, parts: int, substeps: int, *, again: bool, even: bool
+) -> tuple[int, Array]:
+    """Cut pieces (S, W) of a sample in `parts` of `substeps`; and these if they are taken `again`.
 
     Returns
     -------
-    How many are coarse, and the lengths (C, W) of these and the finer ones.
+    How many parts there are, and the lengths (C, W) of a step in each of them and then of those
+    in place of one step of the first, the second, ...
     """
-    widths = [graded(width, parts, even=even)]
-    if again and parts < FINEST:
-        widths.append(graded(width, min(FINE * parts, FINEST), even=even))
-    return len(widths[0]), np.concatenate(widths)
+    steps = graded(width, parts, even=even) / substeps
+    finer = min(FINE, FINEST // (parts * substeps)) if again else 1
+    if finer == 1:
+        return len(steps), steps
+    return len(steps), np.concatenate((steps, graded(steps, finer, even=even)))
 
 
 def delays(delay: Array, dt: float) -> tuple[NDArray[np.int64], Array]:
