@@ -11,8 +11,10 @@ from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.ekf import FilterpyUpdate
 from motor_sysid.estimation.online.filters import StateVariableFilter
 from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
+from motor_sysid.estimation.online.learners.directional import Directional
 from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.motion import Motion
+from motor_sysid.estimation.online.regressors import signal_names
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
@@ -133,3 +135,24 @@ def test_covariance_sees_correlated_errors():
     assert 0.4 < np.sqrt(np.mean(np.square(ratios))) < 2.0
 
 
+@pytest.mark.parametrize('kind', ['pmsm', 'bldc', 'bldc_six_step'])
+def test_sensor_offsets_are_columns_of_their_sensors_alone(kind):
+    """What a motor's own law gives is in its balance already, beside the parameters."""
+    model = Model.base(kind)
+    signals, shown = signal_names(model.kind), model.kind.shown
+    for balance in model.kind.balances:
+        assert LawColumns(model, [balance.force], signals).columns == ()
+    sensors = [f'{output.signal}_sensor' for output in model.kind.outputs]
+    assert {c.name for c in LawColumns(model, sensors, signals).columns} == set(shown)
+
+
+def test_directional_forgetting_is_not_tied_to_the_first_samples():
+    """A prior that grows with the signals leaves a coefficient that is excited little free."""
+    rng, true = np.random.default_rng(0), np.array([1.0, 1.0])
+    x = rng.standard_normal((2000, 2)) * [1.0, 2e-3]
+    x[:50] *= 1e-2
+    y = x @ true + 1e-4 * rng.standard_normal(2000)
+    learner = Directional(np.array([1.5, 0.5]), np.ones(2), 0.9999, 20)
+    for row, value in zip(x, y, strict=True):
+        learner.update(row, value)
+    assert learner.coefficients == pytest.approx(true, abs=0.03)

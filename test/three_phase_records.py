@@ -33,19 +33,30 @@ def speeds(seconds: float, dt: float, rng: np.random.Generator, top: float) -> n
 
 def pmsm_record(
     seconds: float = 5.0, dt: float = 5e-4, *, seed: int = 1, dead: float = 0.0,
-    sensors: PhaseSensors = SENSORS, push_d: float = 1.0, top: float = 250.0, **hidden: float,
+    sensors: PhaseSensors = SENSORS, push_d: float = 1.0, top: float = 250.0,
+    machine: Machine = PMSM, supply: float = 24.0, most: float = 5.0, **hidden: float,
 ) -> tuple[Machine, Record]:  # fmt: skip
     """Return a salient motor under field-oriented control, with pulses of d current."""
-    m, rng = PMSM._replace(**hidden), np.random.default_rng(seed)
+    m, rng = machine._replace(**hidden), np.random.default_rng(seed)
     loop = CurrentLoop(m.R, m.L_d, m.L_q, m.k_e / m.pole_pairs, 1500.0)
-    speed = current_pi(m.J, 1.5 * m.k_e, 60.0, 5.0)
+    speed = current_pi(m.J, 1.5 * m.k_e, 60.0, most)
     reference = speeds(seconds, dt, rng, top)
     time = dt * np.arange(reference.size)
     place = np.searchsorted(np.cumsum(rng.uniform(0.02, 0.1, 399)), time)
     pulses = push_d * rng.choice([-1.0, 0.0, 1.0], 400)[place]
-    drive = ThreePhaseDrive(Bridge(24.0, dead), loop, speed, 1e-4, sensors)
+    drive = ThreePhaseDrive(Bridge(supply, dead), loop, speed, 1e-4, sensors)
     run = run_drive(m, drive, reference, dt, rng, pulses)
     return m, phase_record(run, m.pole_pairs)
+
+
+def traction_record(seconds: float, seed: int = 1) -> tuple[Machine, Record]:
+    """Return a traction machine with inner magnets at a third of its current."""
+    sheet = PMSM_SHEETS[2]
+    sensors = PhaseSensors(counts=4096, noise=0.3, offsets=(0.6, -0.4, 0.2), full_scale=200.0)
+    return pmsm_record(
+        seconds, seed=seed, sensors=sensors, push_d=0.3 * sheet.current, top=160.0,
+        machine=sheet.machine, supply=sheet.supply, most=sheet.current,
+    )  # fmt: skip
 
 
 def bldc_record(

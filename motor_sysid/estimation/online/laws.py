@@ -125,7 +125,11 @@ class LawColumns:
                 self._rates.append((lane, plain, state, len(one.card.states)))
 
     def _add_shown(self, model: Model, targets: Sequence[str], motor: Sequence[str]) -> None:
-        """Add the laws of the motor's own sensors, one column for each parameter of theirs."""
+        """Add the laws of the motor's own sensors, one column for each parameter of theirs.
+
+        Its own laws that read none of these are in its balances already: as columns they would be
+        the same signals once more, and two parameters could not be told apart.
+        """
         own, names = model.kind.own, model.kind.shown
         if own is None or not names or not set(targets) & set(own.laws):
             return
@@ -134,7 +138,7 @@ class LawColumns:
             row[k] = 1.0
             self._rows[FIRST_PARAMETER_ROW + motor.index(name)] = row
         for lane in compile_effect(own, tuple(motor)):
-            if lane.target in targets:
+            if lane.target in targets and lane.arguments & set(names):
                 self._keep.append(lane)
                 self.columns += tuple(Column(name, lane.target) for name in names)
                 target = ROW_OF_FORCE[lane.target] * LANES

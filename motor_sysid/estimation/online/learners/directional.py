@@ -12,8 +12,11 @@ Schwartz 2000, doi:10.1016/S0005-1098(00)00093-5, split the information with ``B
 ``x``, which depends on the units of the parameters.)
 
 Both bounds of the covariance always hold: the information is at least ``A0``, what never goes, and
-at most what the memory holds.  As Cao and Schwartz have it, nothing is forgotten for a regressor
-that is as good as zero; otherwise the noise of a motor at standstill would empty the matrix.
+at most what the memory holds.  ``A0`` grows with the largest value seen, and comes in as the
+memory passes, as in `forgetting`: at once it would tie a coefficient that is excited little to
+what the first samples made of it.  As Cao and Schwartz have it, nothing is forgotten for a
+regressor that is as good as zero; otherwise the noise of a motor at standstill would empty the
+matrix.
 """
 
 from numba import njit
@@ -37,34 +40,40 @@ class Directional(Learner):
     def __init__(self, start: Array, sigma: Array, keep: float, block: int) -> None:
         super().__init__(start, sigma, keep, block)
         self._learned = np.zeros((start.size, start.size))
+        self._held = np.zeros(start.size)
         self._sums = Sandwich.empty(start.size, block)
 
     def update(self, x: Array, y: float) -> None:
         """Take regressors (d,) and the value that they explain."""
         _learn(
-            self.coefficients, self.prior, self._learned, self._floor, self._numbers, self._sums,
-            self._keep, x, y,
+            self.coefficients, self.prior, self._learned, self._held, self._floor, self._numbers,
+            self._sums, self._keep, x, y,
         )  # fmt: skip
 
     def covariance(self) -> Array:
         """Return the sandwich."""
-        information = self._learned + np.diag(self._floor)
+        information = self._learned + np.diag(self._held)
         parts = self.coefficients, information, self._floor, self.prior
         return self._sums.covariance(*parts, self._numbers[0])
 
 
 @njit(cache=True)
-def _learn(coefficients, prior, learned, floor, numbers, sums, keep, x, y):  # type: ignore[no-untyped-def]
+def _learn(  # type: ignore[no-untyped-def]
+    coefficients, prior, learned, held, floor, numbers, sums, keep, x, y
+):
     """Take one sample, in place."""
     begun, first = measure(y, prior, floor, numbers)
     if not begun:
         return
     if first:
+        held[:] = floor
         learned[:] = _START * np.diag(floor)
+    for i in range(x.size):
+        held[i] += (1.0 - keep) * (floor[i] - held[i])
     error = off(x, y, coefficients)
     weight = weigh(error, numbers)
     _forget_along(x, prior, numbers[0], learned, sums, keep)
-    whole = learned + np.diag(floor)
+    whole = learned + np.diag(held)
     absorb(whole, coefficients, x, error, weight)
     for i in range(x.size):
         for j in range(x.size):
