@@ -181,9 +181,8 @@ def run_block(  # type: ignore[no-untyped-def]
         if follows and half > 0.0:
             meet(wide, position, places, sample, here)
             confine(wide, x[position_row], here, half)
+        copy(wide, x, previous)
         for k in range(wide):
-            for j in range(n):
-                previous[j, k] = x[j, k]
             now[k] = begins[k]
         step, finer = 0, 0  # the finer ones are counted from 1
         while step < coarse * substeps:
@@ -191,17 +190,14 @@ def run_block(  # type: ignore[no-untyped-def]
             piece = part if finer == 0 else coarse + part * fine + finer - 1
             if fine > 0 and finer == 0:
                 remember(wide, p, memory_offset, kept)
+                copy(wide, x, old)
                 for k in range(wide):
                     since[k], turned[k] = now[k], 0.0
-                    for j in range(n):
-                        old[j, k] = x[j, k]
             delayed = late.shape[0] > 0 and part < coarse // 2
             hold_input(wide, u, inputs, late, places, sample - (1 if delayed else 0))
             if n_lanes + n_slopes + n_memory + n_jumps == 0 and not pushed:
                 predict(wide, predicted, whole, piece, all_in)
-                for j in range(n):
-                    for k in range(wide):
-                        x[j, k] = predicted[j, k]
+                copy(wide, predicted, x)
                 step += 1
                 continue
             for j in range(n_u):
@@ -321,10 +317,8 @@ def run_block(  # type: ignore[no-untyped-def]
                     force_rows, secant,
                 )  # fmt: skip
             if fine > 0 and finer == 0 and np.any(turned[:wide] > 0.0):
-                for j in range(n):
-                    for k in range(wide):
-                        rough[j, k] = x[j, k]
-                        x[j, k] = old[j, k]
+                copy(wide, x, rough)
+                copy(wide, old, x)
                 swap(wide, p, memory_offset, kept)
                 for k in range(wide):
                     now[k] = since[k]
@@ -337,6 +331,14 @@ def run_block(  # type: ignore[no-untyped-def]
                 blend(wide, x, rough, p, memory_offset, kept, turned)
             step, finer = step + 1, 0
     state[:] = x
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def copy(wide, values, target):  # type: ignore[no-untyped-def]
+    """Copy (n, W) values."""
+    for j in range(target.shape[0]):
+        for k in range(wide):
+            target[j, k] = values[j, k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
