@@ -1,4 +1,4 @@
-"""What goes in and out of the flat buffer that laws read and write, a row of lanes at a time."""
+"""What goes in and out of the state and the flat buffer of laws, a row of lanes at a time."""
 
 from numba import njit
 
@@ -173,3 +173,35 @@ def evaluate_rates(wide, p, base, calls, memory_rate):  # type: ignore[no-untype
         for k in range(wide):
             p[row + k] = 0.0
     call_all(wide, base, calls, 0, calls.shape[0])
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def copy(wide, values, target):  # type: ignore[no-untyped-def]
+    """Copy (n, W) values."""
+    for j in range(target.shape[0]):
+        for k in range(wide):
+            target[j, k] = values[j, k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def largest(wide, values):  # type: ignore[no-untyped-def]
+    """Return the largest of (W,) values, none of which is negative."""
+    most = 0.0
+    for k in range(wide):
+        most = max(most, values[k])
+    return most
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def blend(wide, x, rough, p, memory_offset, rough_memory, share):  # type: ignore[no-untyped-def]
+    """Mix what finer steps lead to with what rough ones did, by the (W,) share of the finer."""
+    for j in range(x.shape[0]):
+        for k in range(wide):
+            x[j, k] = rough[j, k] if share[k] == 0.0 else (
+                rough[j, k] + share[k] * (x[j, k] - rough[j, k])
+            )
+    for s in range(memory_offset.shape[0]):
+        row = memory_offset[s]
+        for k in range(wide):
+            old = rough_memory[s, k]
+            p[row + k] = old if share[k] == 0.0 else old + share[k] * (p[row + k] - old)

@@ -36,12 +36,15 @@ from motor_sysid.physics.buffer import (
     add_jumps,
     add_push,
     begin_step,
+    blend,
     call_all,
     clear,
     confine,
+    copy,
     evaluate_rates,
     hold_input,
     keep,
+    largest,
     load_state,
     put,
     remember,
@@ -316,7 +319,7 @@ def run_block(  # type: ignore[no-untyped-def]
                     wide, p, base, x, jump_calls, jump_state, jump_rows, lane_calls, n_lanes,
                     force_rows, secant,
                 )  # fmt: skip
-            if fine > 0 and finer == 0 and np.any(turned[:wide] > 0.0):
+            if fine > 0 and finer == 0 and largest(wide, turned) > 0.0:
                 copy(wide, x, rough)
                 copy(wide, old, x)
                 swap(wide, p, memory_offset, kept)
@@ -331,14 +334,6 @@ def run_block(  # type: ignore[no-untyped-def]
                 blend(wide, x, rough, p, memory_offset, kept, turned)
             step, finer = step + 1, 0
     state[:] = x
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def copy(wide, values, target):  # type: ignore[no-untyped-def]
-    """Copy (n, W) values."""
-    for j in range(target.shape[0]):
-        for k in range(wide):
-            target[j, k] = values[j, k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -393,18 +388,3 @@ def push_late(wide, x, phi1_force, phi2_force, piece, share, jump):  # type: ign
             for k in range(wide):
                 more = phi1_force[piece, j, i, k] - phi2_force[piece, j, i, k]
                 x[j, k] += share[i, k] * more * jump[i, k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def blend(wide, x, rough, p, memory_offset, rough_memory, share):  # type: ignore[no-untyped-def]
-    """Mix what finer steps lead to with what rough ones did, by the (W,) share of the finer."""
-    for j in range(x.shape[0]):
-        for k in range(wide):
-            x[j, k] = rough[j, k] if share[k] == 0.0 else (
-                rough[j, k] + share[k] * (x[j, k] - rough[j, k])
-            )
-    for s in range(memory_offset.shape[0]):
-        row = memory_offset[s]
-        for k in range(wide):
-            old = rough_memory[s, k]
-            p[row + k] = old if share[k] == 0.0 else old + share[k] * (p[row + k] - old)
