@@ -81,6 +81,7 @@ OFFERED = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_losses_that_hide_each_other_are_both_named(losses):
     found = diagnose(losses.train, losses.valid, motor='brushed_dc', effects=OFFERED)
     assert found.verdict is Verdict.EFFECT_MISSING

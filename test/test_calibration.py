@@ -407,6 +407,7 @@ def test_whitening_with_what_the_base_model_leaves_would_eat_the_effect():
     assert level['whole'] > 1.5 * level['base']
 
 
+@pytest.mark.slow
 def test_evidence_of_a_complete_model_grows_with_what_is_looked_for():
     """The threshold is for the largest of all candidates, not for one of them."""
     every = plan(candidates=tuple(catalogue()))

@@ -30,9 +30,13 @@ HIDDEN = {
     'armature_heating': {'h': 3e-2, 't_th': 5.0},
     'stribeck_friction': {'tau_c': 3e-3, 'tau_s': 6e-3, 'omega_s': 8.0},
 }
+LONG = ('asymmetric_coulomb_friction', 'brush_voltage_drop', 'stribeck_friction')
+"""Effects that take a part of `make test` out of proportion."""
 
 
-@pytest.mark.parametrize('key', sorted(HIDDEN))
+@pytest.mark.parametrize(
+    'key', [pytest.param(k, marks=[pytest.mark.slow] * (k in LONG)) for k in sorted(HIDDEN)]
+)
 def test_a_hidden_effect_is_named_and_the_error_falls(key):
     *train, held = records({key: HIDDEN[key]})
     found = diagnose(train, [held])
@@ -114,6 +118,7 @@ def test_turning_the_other_way_round_gives_the_mirrored_answer():
         assert a.model[name] == pytest.approx(b.model[name], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_a_later_start_of_the_clock_changes_nothing():
     *train, held = records({'coulomb_friction': HIDDEN['coulomb_friction']}, seconds=3.0)
     shifted = [Record(r.time + 1.7e9, r.signals, r.units) for r in (*train, held)]

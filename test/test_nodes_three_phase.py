@@ -181,6 +181,7 @@ def test_a_bldc_is_recorded_in_phases_over_dds(repository: Path, tmp_path: Path)
     assert {'current_command', 'speed_reference'} <= set(record)
 
 
+@pytest.mark.slow
 def test_a_six_step_motor_is_identified_over_dds() -> None:
     """A drive that tells voltage and current of the pair, as the nodes of a robot would."""
     case = draw('six_step/coulomb_friction/10/0', 0, 6.0)

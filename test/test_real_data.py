@@ -15,6 +15,7 @@ from motor_sysid.recording import load
 
 CASES = {
     'motor_a': ('quadratic_drag', Verdict.EFFECT_MISSING),
+    'motor_b': ('inverter_dead_time', Verdict.EFFECT_MISSING),
     'motor_c': ('input_delay', Verdict.EFFECT_MISSING),
     'motor_d': ('coulomb_friction', Verdict.EFFECT_MISSING),
     'motor_e': (None, Verdict.COMPLETE),
@@ -22,9 +23,14 @@ CASES = {
     'motor_g': ('flexible_shaft', Verdict.EFFECT_MISSING),
     'motor_h': ('cogging_torque', Verdict.EFFECT_MISSING),
 }
+LONG = ('motor_a', 'motor_b', 'motor_c', 'motor_f', 'motor_g')
+"""Cases that take a part of `make test` out of proportion."""
 
 
-@pytest.mark.parametrize('case', sorted(CASES))
+@pytest.mark.parametrize(
+    'case', [pytest.param(c, marks=[pytest.mark.slow] * (c in LONG)) for c in sorted(CASES)]
+)
+@pytest.mark.timeout(600)
 def test_hidden_effect_cases(case, data_dir):
     folder = data_dir / 'hidden_effect_cases' / case
     answers = yaml.safe_load((data_dir / 'hidden_effect_cases' / 'answers.yaml').read_text())

@@ -97,6 +97,7 @@ def test_a_lag_that_no_winding_has_is_that_of_the_sensor():
     assert found.effects == ('speed_sensor_lag',)
 
 
+@pytest.mark.slow
 def test_gear_friction_is_named_without_a_current():
     model = whole('load_dependent_friction', {'mu': 0.3}).with_effect(
         'gravity_load', {'tau_sin': 0.05, 'tau_cos': 0.0}

@@ -20,6 +20,7 @@ HIDDEN = {'coulomb_friction': {'tau_c': 6e-3}, 'brush_voltage_drop': {'v_b': 0.5
 FEW = (*HIDDEN, 'quadratic_drag', 'iron_loss')
 
 
+@pytest.mark.slow
 def test_a_pair_is_found_where_the_best_single_effect_is_none_of_it(monkeypatch):
     """A load explains most alone, and hides an offset of the speed sensor."""
     engine, pairs = import_module('motor_sysid.diagnosis.engine'), []
