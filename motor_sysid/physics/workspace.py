@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 WORTH_CUTTING = 4_000
 """Samples from which on half the stretches run in a thread of their own."""
 
-FINE, FINEST = 8, 16
+FINE, FINEST = 8, 32
 """Steps in which a step is taken again where a stiff law turns, and how many of them a sample may
 have."""
 
