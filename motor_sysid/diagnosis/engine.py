@@ -12,7 +12,6 @@ from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
-from motor_sysid.diagnosis.search.look_ahead import hopeful, second_of
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.polish import polish
 from motor_sysid.diagnosis.search.prune import pruned
@@ -46,6 +45,7 @@ from motor_sysid.diagnosis.search.rung import (
     vanished,
     with_better_sensor,
 )
+from motor_sysid.diagnosis.search.step_ahead import hopeful, second_of
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant

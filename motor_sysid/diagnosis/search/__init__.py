@@ -3,7 +3,7 @@
 In reading order: `bench` (records, motor kind and scales, ready to fit), `moments`, `rung` (a
 fitted model), `gates` (whether a gain is real), `trial` (a candidate after its refit),
 `grid_starts`, `refit`; `confusable`, `synonyms` and `ranking` (who wins a round, and who does as
-well); `rounds`; what a climb by single effects misses: `look_ahead`, `pairs`, `exchange`; `prune`;
+well); `rounds`; what a climb by single effects misses: `step_ahead`, `pairs`, `exchange`; `prune`;
 how exact a fit is: `edges`, `delay_profile`, `standard_errors`, `integration_steps`; and what is
 done to a finished ladder: `polish`, `retelling`.
 """

@@ -11,10 +11,10 @@ from concurrent.futures import ThreadPoolExecutor
 from motor_sysid.diagnosis.candidates.score import Scored, Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import is_impossible, is_told
-from motor_sysid.diagnosis.search.look_ahead import stands
 from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.search.step_ahead import stands
 from motor_sysid.diagnosis.search.trial import Level
 
 TWO = 2

@@ -9,7 +9,7 @@ from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Settings, Verdict
 from motor_sysid.diagnosis.search.gates import TAKES_OVER, TOO_LITTLE, UNPHYSICAL, UNSTEADY
-from motor_sysid.diagnosis.search.look_ahead import hopeful, second_of, stands, STEPS
+from motor_sysid.diagnosis.search.step_ahead import hopeful, second_of, stands, STEPS
 from motor_sysid.physics.effects import effect
 
 THRESHOLD = 20.0
