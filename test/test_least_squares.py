@@ -219,3 +219,17 @@ def test_a_cloud_of_starts_saves_a_bad_one():
     result = fit_multistart(a_problem(lost, data))
     for name in ('R', 'k_t', 'J'):
         assert result.model[name] == pytest.approx(TRUTH[name], rel=0.02)
+
+
+def test_a_model_that_leaves_much_is_fitted_in_few_steps():
+    """Large residuals bend the valley; Gauss and Newton alone run to and fro in it."""
+    values = {'R': 15.6, 'L': 2.8e-4, 'k_t': 0.012, 'J': 3.7e-7, 'b': 1.5e-7}
+    motor = Model.base('brushed_dc', {**values, 'omega_eps': 1.0, 'i_eps': 6e-5})
+    rng = np.random.default_rng(5)
+    volts = [voltage_profile(kind, 4.0, rng) for kind in ('steps', 'triangle')]
+    worn = motor.with_effect('brush_voltage_drop', {'v_b': 2.4})
+    problem = a_problem(motor, [measure(worn, volt, rng) for volt in volts])
+    found = [fit(problem, start=problem.vector() + move) for move in (0.0, 0.5)]
+    assert all(one.success for one in found)
+    assert max(one.iterations for one in found) < 18
+    assert found[0].noise['current'] == pytest.approx(found[1].noise['current'], rel=1e-3)

@@ -1,12 +1,14 @@
 """Output-error least squares: Levenberg-Marquardt whose every step is one block of simulations.
 
 The Jacobian is made of central differences, 15 parameters to a block of 32 simulations, and a
-second block tries 24 combinations of damping and step length at once.
-(Marquardt 1963, doi:10.1137/0111030; Ljung 1999, sections 7.2 and 10.2.)
+second block tries 24 steps at once: 12 dampings of two curvatures.
+(Marquardt 1963, doi:10.1137/0111030; Dennis, Gay and Welsch 1981, doi:10.1145/355958.355965;
+Ljung 1999, sections 7.2 and 10.2.)
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +22,9 @@ from motor_sysid.physics.model import Model
 Array = NDArray[np.float64]
 
 _DAMPINGS = (0.0, 1e-3, 1e-2, 3e-2, 0.1, 0.3, 1.0, 3.0, 10.0, 100.0, 1e3, 1e4)
-_LENGTHS = (1.0, 0.4)
+SHORTER = 0.4
+"""Length of a step in units of one that may go too far."""
+
 _SEEN = 1e-12
 """Relative eigenvalue of the scaled curvature below which a direction is not there."""
 
@@ -132,12 +136,14 @@ def minimize(
     tolerance: float = 1e-7,
     near: Sequence[Linearization] = (),
 ) -> Solution:
-    """Minimize the weighted sum of squares by damped Gauss-Newton steps inside the box.
+    """Minimize the weighted sum of squares by damped Newton steps inside the box.
 
-    Where the undamped step brings most of what the linearization promises it is taken: its
-    simulations give the next derivatives as well.  Elsewhere the best of many dampings and lengths
-    is, until that is the undamped step again.  It ends where the promise falls under `tolerance`
-    times the cost.
+    Where the undamped step of Gauss and Newton brings most of what it promises it is taken: its
+    simulations give the next derivatives as well.  Elsewhere the best of many dampings is, until
+    that is an undamped step again; half of those know what the residuals add to the curvature, as
+    the gradients of the steps so far tell it: a model that leaves much is bent, and without that
+    the steps run to and fro in a valley.  What was best last time is asked first.  It ends where
+    the promise falls under `tolerance` times the cost.
 
     Parameters
     ----------
@@ -151,97 +157,172 @@ def minimize(
     if not near:
         near = problem.linearize(z)
         simulations += each
-    gradient, curvature, cost = posed(problem, z, near, weighting)
+    here, bend, bent = pose(problem, z, near, weighting), np.zeros((z.size, z.size)), False
     for iteration in range(1, iterations + 1):
-        trials, most = _trials(z, gradient, curvature, lower, upper, problem.reach())
-        if not most >= tolerance * cost:
-            return Solution(z, cost, bool(np.isfinite(cost)), iteration, simulations, tuple(near))
+        ways = _ways(z, here, bend, bent, lower, upper, problem.reach())
+        if not ways.most >= tolerance * here.cost:
+            converged = bool(np.isfinite(here.cost))
+            return Solution(z, here.cost, converged, iteration, simulations, tuple(near))
         best, enough = 0, False
         if trusted:
-            ahead = problem.linearize(trials[0])
-            equations = posed(problem, trials[best], ahead, weighting)
+            ahead = problem.linearize(ways.trials[0])
+            there = pose(problem, ways.trials[0], ahead, weighting)
             simulations += each
-            promise = _promise(trials[0] - z, gradient, curvature)
-            enough = promise > 0 and equations[2] < cost - ENOUGH * promise
+            enough = ways.promise > 0 and there.cost < here.cost - ENOUGH * ways.promise
         if not enough:
-            costs = problem.costs(trials, weighting, near)
+            costs = problem.costs(ways.trials, weighting, near)
             best = int(np.argmin(costs))
-            simulations += len(trials)
-            if not costs[best] < cost:
-                return Solution(
-                    z, cost, bool(np.isfinite(cost)), iteration, simulations, tuple(near)
-                )
+            simulations += len(ways.trials)
+            if not costs[best] < here.cost:
+                converged = bool(np.isfinite(here.cost))
+                return Solution(z, here.cost, converged, iteration, simulations, tuple(near))
         if best > 0 or not trusted:
-            ahead = problem.linearize(trials[best])
-            equations = posed(problem, trials[best], ahead, weighting)
+            ahead = problem.linearize(ways.trials[best])
+            there = pose(problem, ways.trials[best], ahead, weighting)
             simulations += each
-        trusted = best == 0
-        gain = (cost - equations[2]) / cost if np.isfinite(cost) else 1.0
-        z, near, (gradient, curvature, cost) = trials[best], ahead, equations
+        other, damping = divmod(best, len(_DAMPINGS))
+        trusted, bent = damping == 0, bent ^ bool(other and np.any(bend))
+        gain = (here.cost - there.cost) / here.cost if np.isfinite(here.cost) else 1.0
+        bend = _bent(bend, ways.trials[best] - z, here, there)
+        z, near, here = ways.trials[best], ahead, there
         if gain < tolerance:
-            return Solution(z, cost, True, iteration, simulations, tuple(near))
-    return Solution(z, cost, False, iterations, simulations, tuple(near))
+            return Solution(z, here.cost, True, iteration, simulations, tuple(near))
+    return Solution(z, here.cost, False, iterations, simulations, tuple(near))
 
 
-def _promise(step: Array, gradient: Array, curvature: Array) -> float:
-    """Return the decrease of the sum of squares that the linearization promises for a step."""
-    return float(2 * step @ gradient - step @ curvature @ step)
+@dataclass(frozen=True)
+class Posed:
+    """A problem at one vector, linearized and weighed.
+
+    Attributes
+    ----------
+    gradient, curvature, cost:
+        Normal equations: (d,), (d, d), and the sum of squares.
+    parts:
+        (K, d + 1) slopes and residuals of each stretch, weighed, initial states at their best.
+    """
+
+    gradient: Array
+    curvature: Array
+    cost: float
+    parts: tuple[Array, ...]
 
 
-def posed(
+def pose(
     problem: Problem, z: Array, near: Sequence[Linearization], weighting: Weighting
-) -> tuple[Array, Array, float]:
-    """Return the normal equations of data and prior together."""
-    gradient, curvature, cost = normal_equations(near, weighting)
-    if problem.prior is None:
-        return gradient, curvature, cost
-    gradient = gradient + problem.precision @ (problem.believed - z)
-    surprise = float(problem.surprise(z[np.newaxis])[0])
-    return gradient, curvature + problem.precision, cost + surprise
+) -> Posed:
+    """Return the normal equations of data and prior together, and what they are made of."""
+    parts = [_weighed(one, weighting) for one in near]
+    gradient, curvature, cost = _summed(parts, z.size)
+    if problem.prior is not None:
+        gradient += problem.precision @ (problem.believed - z)
+        curvature += problem.precision
+        cost += float(problem.surprise(z[np.newaxis])[0])
+    return Posed(gradient, curvature, cost, tuple(parts))
+
+
+def _bent(bend: Array, step: Array, here: Posed, there: Posed) -> Array:
+    """Return what the residuals add to the curvature, after a step.
+
+    The secant update of NL2SOL, sized before it is made (Dennis, Gay and Welsch 1981,
+    doi:10.1145/355958.355965); nothing where that says nothing.
+    """
+    fall = here.gradient - there.gradient  # gradients point downhill
+    along = float(fall @ step)
+    seen = np.zeros(step.size)
+    for before, after in zip(here.parts, there.parts, strict=True):
+        seen += (before[:, :-1] - after[:, :-1]).T @ after[:, -1]
+    if not (np.all(np.isfinite(seen)) and along > _SEEN * np.sqrt(fall @ fall * (step @ step))):
+        return np.zeros_like(bend)
+    known = float(step @ bend @ step)
+    size = min(1.0, abs(float(step @ seen) / known)) if known != 0.0 else 1.0
+    left = seen - size * (bend @ step)
+    both = np.outer(left, fall)
+    found: Array = (
+        size * bend + (both + both.T) / along
+        - float(left @ step) * np.outer(fall, fall) / along**2
+    )  # fmt: skip
+    return found
 
 
 def normal_equations(
     near: Sequence[Linearization], weighting: Weighting
 ) -> tuple[Array, Array, float]:
     """Return gradient (d,), curvature (d, d) and sum of squares, initial states at their best."""
-    size = near[0].slope.shape[2]
-    gradient, curvature, cost = np.zeros(size), np.zeros((size, size)), 0.0
-    for one in near:
-        both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
-        rest = weighting.removed(both, one.start)
-        product = rest.T @ rest
-        curvature += product[:size, :size]
-        gradient += product[:size, size]
-        cost += float(product[size, size])
-    return gradient, curvature, cost if np.isfinite(cost) else np.inf
+    return _summed([_weighed(one, weighting) for one in near], near[0].slope.shape[2])
 
 
-def _trials(
-    z: Array, gradient: Array, curvature: Array, lower: Array, upper: Array, reach: Array
-) -> tuple[Array, float]:
-    """Return candidate vectors: steps of every damping and length, kept inside the box.
+def _weighed(one: Linearization, weighting: Weighting) -> Array:
+    """Return (K, d + 1) slopes and residuals, weighed, initial states at their best."""
+    both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
+    return weighting.removed(both, one.start)
 
-    The first is the undamped one; the second value is the most that it could bring, were there no
-    box.
+
+def _summed(parts: Sequence[Array], size: int) -> tuple[Array, Array, float]:
+    """Return gradient (d,), curvature (d, d) and sum of squares of weighed stretches."""
+    total = np.zeros((size + 1, size + 1))
+    for part in parts:
+        total += part.T @ part
+    cost = float(total[size, size])
+    return total[:size, size], total[:size, :size], cost if np.isfinite(cost) else np.inf
+
+
+class _Ways(NamedTuple):
+    """Where to go from a vector.
+
+    Attributes
+    ----------
+    trials:
+        (n, d) vectors inside the box, as many of each kind as there are dampings, undamped first.
+    most, promise:
+        What the first step would bring, were there no box, and what the equations promise for it.
     """
+
+    trials: Array
+    most: float
+    promise: float
+
+
+def _ways(
+    z: Array, here: Posed, bend: Array, bent: bool, lower: Array, upper: Array, reach: Array
+) -> _Ways:
+    """Return steps of every damping, those of the `bent` curvature first or last.
+
+    Where there is no bend, the others are shorter.
+    """
+    gradient, curvature = here.gradient, here.curvature
     held = ((z <= lower) & (gradient < 0)) | ((z >= upper) & (gradient > 0))
     usable = (np.diag(curvature) > 0) & np.isfinite(gradient)
     moving = np.flatnonzero(~held & usable)
     if moving.size == 0 or not np.all(np.isfinite(curvature)):
-        return z[np.newaxis, :], 0.0
+        return _Ways(z[np.newaxis, :], 0.0, 0.0)
     scale = np.sqrt(np.diag(curvature)[moving])
-    h = curvature[np.ix_(moving, moving)] / np.outer(scale, scale)
-    g = gradient[moving] / scale
-    values, vectors = np.linalg.eigh(h)
-    kept = values > _SEEN * values[-1]
-    along = (vectors.T @ g)[kept]
-    steps = []
-    for damping in _DAMPINGS:
-        step = vectors[:, kept] @ (along / (values[kept] + damping)) / scale
-        steps += [length * step for length in _LENGTHS]
+    first, second = (curvature + bend, curvature) if bent else (curvature, curvature + bend)
+    steps = _damped(first, gradient, moving, scale)
+    if np.any(bend):
+        steps += _damped(second, gradient, moving, scale)
+    else:
+        steps += [SHORTER * step for step in steps]
     trials = np.repeat(z[np.newaxis, :], len(steps), axis=0)
     trials[:, moving] += np.clip(steps, -reach[moving], reach[moving])
-    return np.clip(trials, lower, upper), float(steps[0] @ gradient[moving])
+    trials = np.clip(trials, lower, upper)
+    step = trials[0] - z
+    promise = float(2 * step @ gradient - step @ first @ step)
+    return _Ways(trials, float(steps[0] @ gradient[moving]), promise)
+
+
+def _damped(
+    curvature: Array, gradient: Array, moving: NDArray[np.intp], scale: Array
+) -> list[Array]:
+    """Return the steps of every damping; a saddle is left along what bends down."""
+    h = curvature[np.ix_(moving, moving)] / np.outer(scale, scale)
+    values, vectors = np.linalg.eigh(h)
+    values = np.abs(values)
+    kept = values > _SEEN * np.max(values)
+    along = (vectors.T @ (gradient[moving] / scale))[kept]
+    return [
+        vectors[:, kept] @ (along / (values[kept] + damping)) / scale for damping in _DAMPINGS
+    ]
 
 
 def result_at(

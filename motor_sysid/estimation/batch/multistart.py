@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from motor_sysid.estimation.batch.least_squares import fit
+from motor_sysid.estimation.batch.least_squares import fit_and_slopes, minimize
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.estimation.batch.weighting import white
@@ -18,24 +18,32 @@ REACH = 1.6
 """Half width of the cloud in the logarithm of positive parameters: a factor of 5."""
 
 
+SAME = 1e-3
+"""Relative difference of two sums of squares below which two fits ended in the same valley."""
+
+
 def fit_multistart(problem: Problem) -> FitResult:
     """Fit from the model's own values, and again from the best point of a Sobol cloud.
 
     The cloud spreads positive parameters over a factor of 5 to either side; others keep their
-    value.  The second fit is made only if that point beats where the first one began.  The better
-    result is returned.
+    value.  The second fit is made only if that point beats where the first one began, and goes on
+    only where it leads to another valley.  The better result is returned.
     """
     start = problem.vector()
     cloud = np.vstack([start, _cloud(problem, start)])
     weighting = white([s.judged - s.judged.mean(axis=0) for s in problem.stretches])
     near = problem.linearize(start, parameters=False)
-    costs = problem.costs(cloud, weighting, near)
-    first = fit(problem)
-    best = int(np.argmin(costs))
-    if best == 0:
-        return first
-    second = fit(problem, start=cloud[best])
-    return second if misfit(second) < misfit(first) else first
+    best = int(np.argmin(problem.costs(cloud, weighting, near)))
+    first = minimize(problem, weighting, start=start)
+    ends = [first]
+    if best > 0:
+        second = minimize(problem, weighting, start=cloud[best])
+        if not abs(second.cost - first.cost) <= SAME * first.cost:
+            ends.append(second)
+    fits = [
+        fit_and_slopes(problem, weighting, start=end.z, near=end.near)[0] for end in ends
+    ]
+    return min(fits, key=misfit)
 
 
 def misfit(result: FitResult) -> float:
