@@ -260,6 +260,7 @@ def test_what_takes_the_place_of_the_back_emf_is_none():
     old = with_effect('quadratic_drag', {'k_d': 1e-8}).with_estimates({}, {'k_t': 1e-3})
     new = old.with_values({'k_t': old.parameters['k_t'].lower})
     assert gone(new, old) == 'k_t (torque constant, and back-EMF constant)'
+    assert gone(old.with_values({'k_t': 0.9e-3 * old['k_t']}), old), 'next to nothing'
     assert gone(old, old) == ''
     assert gone(new, old.with_estimates({}, {'k_t': 0.04})) == ''  # it was not known
     known = old.with_estimates({}, {'L': 0.01 * old['L']})

@@ -54,6 +54,18 @@ def test_a_twosome_leaves_nothing_but_noise():
     assert best_twosome(base, scores, bench, lambda text: None) is None
 
 
+def test_what_is_superfluous_beside_another_is_no_twosome(monkeypatch):
+    """An inertia that changes a little at some moment can always be fitted, and told of noise."""
+    pairs = import_module('motor_sysid.diagnosis.search.pairs')
+    monkeypatch.setattr(pairs, 'is_told', lambda model, key: True)
+    one = {'brush_voltage_drop': {'v_b': 0.5}}
+    bench, base, scores = base_of(one, ('brush_voltage_drop', 'inertia_change'))
+    assert len(scores.pairs) == 1
+    told: list[str] = []
+    assert best_twosome(base, scores, bench, told.append) is None
+    assert told[-1] == 'dropping inertia_change: no longer needed'
+
+
 def test_of_a_complete_motor_there_is_no_twosome():
     bench, base, scores = base_of({})
     assert best_twosome(base, scores, bench, lambda text: None) is None

@@ -379,6 +379,11 @@ def test_what_does_away_with_a_known_friction_is_not_named():
     assert verdict(rung(10.0), rung(1.05, friction=1e-12)) is Verdict.UNKNOWN_EFFECT
     several = rung(1.05, friction=1e-12, effects=('a', 'b'))
     assert verdict(rung(10.0), rung(2.0, effects=('a',)), several) is Verdict.EFFECT_MISSING
+    shaped = Remainder({}, FLOOR, 2.5, 1.4, 0.2)
+    assert shaped.structured
+    steps = rung(40.0), rung(3.0, effects=('a',)), rung(2.5, friction=1e-12, effects=('a', 'b'))
+    assert verdict(*steps, left=shaped) is Verdict.UNKNOWN_EFFECT
+    assert verdict(*steps) is Verdict.EFFECT_MISSING
     less = rung(1.5, friction=1e-12, effects=('a', 'b'))
     assert verdict(rung(10.0), rung(2.0, effects=('a',)), less) is Verdict.UNKNOWN_EFFECT
     unknown_before = rung(10.0, friction=1e-12)

@@ -359,13 +359,17 @@ def _step(plant, x, u, t, h, random, moving, flowing, work):  # type: ignore[no-
     """One classical Runge-Kutta step; the new state is left in ``work[2]``."""
     k, at, new = work
     _rates(plant, x, u, t, random, moving, flowing, k)
-    new[:] = x + h / 6.0 * k
-    at[:] = x + 0.5 * h * k
+    for s in range(_STATES):
+        new[s] = x[s] + h / 6.0 * k[s]
+        at[s] = x[s] + 0.5 * h * k[s]
     _rates(plant, at, u, t, random, moving, flowing, k)
-    new += h / 3.0 * k
-    at[:] = x + 0.5 * h * k
+    for s in range(_STATES):
+        new[s] += h / 3.0 * k[s]
+        at[s] = x[s] + 0.5 * h * k[s]
     _rates(plant, at, u, t, random, moving, flowing, k)
-    new += h / 3.0 * k
-    at[:] = x + h * k
+    for s in range(_STATES):
+        new[s] += h / 3.0 * k[s]
+        at[s] = x[s] + h * k[s]
     _rates(plant, at, u, t, random, moving, flowing, k)
-    new += h / 6.0 * k
+    for s in range(_STATES):
+        new[s] += h / 6.0 * k[s]

@@ -63,6 +63,9 @@ MIN_STEADY = 0.75
 """Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
 they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
 
+NOTHING_LEFT = 1e-3
+"""Parameter of the motor over what it was, below which it is nothing."""
+
 KNOWN = 0.3
 """Relative standard error of a motor's parameter below which it is known to be there."""
 
@@ -167,7 +170,8 @@ def gone(new: Model, old: Model) -> str:
             continue
         if '.' in p.name or p.unit == 'H':
             continue
-        if p.logarithmic and p.on_bound and was.sigma < KNOWN * was.value:
+        nothing = p.on_bound or p.value < NOTHING_LEFT * was.value
+        if p.logarithmic and nothing and was.sigma < KNOWN * was.value:
             return f'{p.name} ({p.description})'
     return ''
 

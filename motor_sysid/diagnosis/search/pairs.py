@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from motor_sysid.diagnosis.candidates.score import Scored, Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import is_impossible, is_told
+from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import Rung
@@ -33,7 +34,8 @@ def best_twosome(
     """Return the fit of the pair that explains most, and its gain in BIC, if it is the truth.
 
     It must leave nothing but noise, lower the held-out error of `base` steadily and by much, and
-    neither of the two may be nothing, impossible, or in the place of a parameter of the motor.
+    neither of the two may be nothing, impossible, in the place of a parameter of the motor, or
+    superfluous beside the other.
     """
     level = Level.of(base, bench, scores.weighting)
     enough = MOSTLY * (level.cost - level.rows)
@@ -54,4 +56,7 @@ def best_twosome(
     keys, duration = [one.variant.effect.key for one in pair], bench.scales.duration
     model = rung.model
     there = all(is_told(model, key) and not is_impossible(model, key, duration) for key in keys)
-    return (rung, gain) if there else None
+    if not there:
+        return None
+    slim = pruned(rung, bench, dict.fromkeys(keys, gain), tell, last=True)
+    return (slim, gain) if len(slim.model.effects) == len(model.effects) else None

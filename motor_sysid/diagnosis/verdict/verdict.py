@@ -100,8 +100,8 @@ def verdict_of(
     the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
     Of several effects none may take away less than the missing physics that is left, and none may
     leave nothing of a parameter of the motor that was well known, unless several explain all but a
-    trifle.  Where base parameters are undetermined, what explains nearly all is named all the
-    same.
+    trifle and leave nothing of a shape.  Where base parameters are undetermined, what explains
+    nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -125,7 +125,7 @@ def verdict_of(
     if (structured and explained < EXPLAINED) or outweighed or doubted:
         return Verdict.UNKNOWN_EFFECT
     several = len(final.model.effects) > len(base.model.effects) + 1
-    believed = several and explained > ALL_BUT_A_TRIFLE
+    believed = several and explained > ALL_BUT_A_TRIFLE and not structured
     if not believed and gone(final.model, base.model):
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
