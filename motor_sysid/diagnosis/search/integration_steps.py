@@ -24,7 +24,12 @@ from motor_sysid.diagnosis.search.rung import (
 from motor_sysid.diagnosis.search.standard_errors import honest
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Weighting
-from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
+from motor_sysid.estimation.batch.least_squares import (
+    normal_equations,
+    result_at,
+    SHORTER,
+    Solution,
+)
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -44,6 +49,9 @@ WIDTHS = ('omega_eps', 'i_eps')
 
 CHORDS = 8
 """Most steps with the same derivatives."""
+
+LEAST_BEND = 1e-2
+"""Fall of a gradient along a step, in units of what was expected, that tells a curvature."""
 
 FINER_BY = 8
 """How much finer steps must change nothing, so that steps are fine enough."""
@@ -195,21 +203,30 @@ def _begun_sharp(rung: Rung, model: Model, bench: Bench) -> Rung:
 def _followed(rung: Rung, bench: Bench, sigma: Array) -> tuple[Rung, Array]:
     """Return the fit near a model in the steps of `bench`, and how far it may not be settled.
 
-    It begins with the derivatives that are known; where these lead nowhere, they are taken again
-    in these steps.  Where that leads nowhere either, the cost is rough, and the least that was
-    seen counts.  On a bound the model is fitted anew.
+    It begins with the derivatives that are known, and learns from each step how the sum of squares
+    is bent in these steps; where this leads nowhere, derivatives are taken again.  Where that
+    leads nowhere either, the cost is rough, and the least that was seen counts.  On a bound the
+    model is fitted anew.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     lower, upper = problem.box()
     z, slope = problem.vector(), np.abs(problem.slope(problem.vector()))
     known: Sequence[Linearization] = problem.adopt(rung.near)
     best, unsettled = Solution(z, np.inf, False, 0, 0), np.zeros(sigma.size)
+    last: tuple[Array, Array, Array] | None = None
     for runs in range(1, 2 * CHORDS + 1):
         if runs == CHORDS + 1:
-            z, known = best.z, problem.linearize(best.z)
+            z, known, last = best.z, problem.linearize(best.z), None
         finer = problem.linearize(z, parameters=False)
         near = [replace(a, residual=b.residual) for a, b in zip(known, finer, strict=True)]
         gradient, curvature, cost = normal_equations(near, weighting)
+        if last is not None and not cost < best.cost:
+            z = best.z + SHORTER * (z - best.z)
+            continue
+        if last is not None:
+            there, downhill, bent = last
+            curvature = _secant(bent, z - there, downhill - gradient)
+        last = z, gradient, curvature
         move = newton_step(gradient, curvature)
         if not np.all(np.isfinite(move)) or np.any((z <= lower) | (z >= upper)):
             return climb(rung.model, bench, weighting, briefly=True), np.zeros(sigma.size)
@@ -219,11 +236,26 @@ def _followed(rung: Rung, bench: Bench, sigma: Array) -> tuple[Rung, Array]:
             z = np.clip(z + move, lower, upper)
             best, unsettled = Solution(z, cost - promise, True, runs, runs, tuple(near)), 0 * move
             break
-        if cost < best.cost:
-            best, unsettled = Solution(z, cost, False, runs, runs, tuple(near)), moved
+        best, unsettled = Solution(z, cost, False, runs, runs, tuple(near)), moved
         z = np.clip(z + move, lower, upper)
     found = result_at(problem, weighting, best, best.simulations, best.iterations)
     return judge(found, bench, best.near), unsettled
+
+
+def _secant(curvature: Array, step: Array, fall: Array) -> Array:
+    """Return a curvature that knows how the downhill gradient fell along a step.
+
+    The update of Broyden, Fletcher, Goldfarb and Shanno (Nocedal and Wright, Numerical
+    Optimization, 2006, section 6.1), where it keeps all curvatures positive.
+    """
+    along, bent = float(fall @ step), curvature @ step
+    expected = float(bent @ step)
+    if not along > LEAST_BEND * expected > 0.0:
+        return curvature
+    found: Array = (
+        curvature - np.outer(bent, bent) / expected + np.outer(fall, fall) / along
+    )
+    return found
 
 
 def _sharper(model: Model) -> Model:
