@@ -12,7 +12,7 @@ from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.search.gates import INEXACT
 import motor_sysid.diagnosis.search.integration_steps as steps
-from motor_sysid.diagnosis.search.integration_steps import refined
+from motor_sysid.diagnosis.search.integration_steps import _secant, refined
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.physics.model import SpeedSensor
 
@@ -88,3 +88,13 @@ def test_finer_steps_that_come_no_nearer_are_not_taken(errors, taken, monkeypatc
     found, right = steps._steps(model, bench, 4, steps._small)
     assert found == taken
     assert not right
+
+
+def test_a_step_teaches_the_curvature_along_it():
+    """Two steps along the axes of a bowl tell it; a gradient that rises says nothing."""
+    bowl, known = np.diag([4.0, 0.5]), np.eye(2)
+    for step in np.eye(2):
+        known = _secant(known, step, bowl @ step)
+        assert known @ step == pytest.approx(bowl @ step)
+    assert known == pytest.approx(bowl)
+    assert _secant(known, np.array([1.0, 0.0]), np.array([-1.0, 0.0])) is known
