@@ -56,6 +56,16 @@ def test_a_line_that_was_cut_off_is_run_again(tmp_path: Path):
     assert len(ResultsFile.read(path)[1]) == 2
 
 
+def test_two_benchmarks_do_not_write_to_one_file(tmp_path: Path):
+    path = tmp_path / 'results.jsonl'
+    with ResultsFile(path, 0) as file:
+        file.add(result(number=1))
+        with pytest.raises(UserError, match=r'another benchmark writes to .*results\.jsonl'):
+            ResultsFile(path, 0, fresh=True)
+    with ResultsFile(path, 0) as file:
+        assert len(file.results) == 1, 'the one that was refused took nothing away'
+
+
 def test_a_file_of_another_seed_or_program_is_refused(tmp_path: Path):
     path = tmp_path / 'results.jsonl'
     ResultsFile(path, 0).__exit__(None, None, None)

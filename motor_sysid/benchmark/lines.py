@@ -2,11 +2,12 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from fcntl import flock, LOCK_EX, LOCK_NB
 import hashlib
 import json
 from pathlib import Path
 from types import TracebackType
-from typing import ClassVar, Generic, Self, TypeVar
+from typing import ClassVar, Generic, Self, TextIO, TypeVar
 
 from motor_sysid.errors import UserError
 
@@ -44,8 +45,8 @@ class LinesFile(ABC, Generic[Entry]):
     Raises
     ------
     UserError
-        On opening, if the file is none of this kind, or one of another seed or state of the
-        program.
+        On opening, if the file is none of this kind, one of another seed or state of the program,
+        or one that another process writes to.
     """
 
     schema: ClassVar[str]
@@ -55,15 +56,20 @@ class LinesFile(ABC, Generic[Entry]):
         self.results: dict[str, Entry] = {}
         head = {'schema': self.schema, 'seed': seed, 'program': state_of_program()}
         try:
-            if fresh or not path.exists() or not path.stat().st_size:
+            self._stream = path.open('a', encoding='utf-8')
+        except OSError as problem:
+            raise UserError(f'cannot write results to {path}: {problem.strerror}') from problem
+        try:
+            _keep_to_oneself(self._stream, path)
+            if fresh or not path.stat().st_size:
                 path.write_text(json.dumps(head) + '\n', encoding='utf-8')
             else:
                 found, self.results = self.read(path)
                 _refuse_others(path, found, head)
                 _cut_torn_line(path)
-            self._stream = path.open('a', encoding='utf-8')
-        except OSError as problem:
-            raise UserError(f'cannot write results to {path}: {problem.strerror}') from problem
+        except BaseException:
+            self._stream.close()
+            raise
 
     @staticmethod
     @abstractmethod
@@ -126,6 +132,17 @@ class LinesFile(ABC, Generic[Entry]):
     ) -> None:
         """Close the file."""
         self._stream.close()
+
+
+def _keep_to_oneself(stream: TextIO, path: Path) -> None:
+    """Lock a file until it is closed; two writers would do every case twice."""
+    try:
+        flock(stream, LOCK_EX | LOCK_NB)
+    except BlockingIOError as problem:
+        raise UserError(
+            f'another benchmark writes to {path}; wait until it is done, end it, or name another '
+            'file with --results'
+        ) from problem
 
 
 def _refuse_others(path: Path, found: dict[str, object], wanted: dict[str, object]) -> None:
