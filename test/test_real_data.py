@@ -26,8 +26,8 @@ CASES = {
 LONG = ('motor_a', 'motor_b', 'motor_c', 'motor_f', 'motor_g')
 """Cases that take a part of `make test` out of proportion."""
 PHASES = ('motor_b',)
-"""Cases whose answers tell one error of all currents, where a model predicts d and q: the noise that
-is read from the data stands for the truth's error."""
+"""Cases whose answers tell one error of all currents, where a model predicts d and q: the noise
+that is read from the data stands for the truth's error."""
 
 
 @pytest.mark.parametrize(
