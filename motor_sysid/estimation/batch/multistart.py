@@ -17,11 +17,11 @@ CLOUD = 62
 REACH = 1.6
 """Half width of the cloud in the logarithm of positive parameters: a factor of 5."""
 
-
 SAME = 1e-3
 """Relative difference of two sums of squares below which two fits ended in the same valley."""
 
 
+@np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
 def fit_multistart(problem: Problem) -> FitResult:
     """Fit from the model's own values, and again from the best point of a Sobol cloud.
 
