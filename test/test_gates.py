@@ -226,6 +226,17 @@ def test_what_halves_the_training_error_need_not_help_everywhere():
     assert note(model, 'quadratic_drag', **rare, trained=2.4) == ''
 
 
+def test_an_amplitude_on_its_bound_is_there_if_it_halves_the_training_error():
+    """Held-out data in which currents are small tell next to nothing of a saturation."""
+    model = with_effect('torque_constant_saturation', {'a': 1.3, 'i_k': 2.0})
+    assert model.parameters['torque_constant_saturation.a'].on_bound
+    sure = {'gain': 4.0, 'delta': 1001.0, 'further': False}
+    assert 'from nothing' in note(model, 'torque_constant_saturation', **sure)
+    assert note(model, 'torque_constant_saturation', **sure, trained=2.4) == ''
+    less = {**sure, 'delta': 999.0}
+    assert 'from nothing' in note(model, 'torque_constant_saturation', **less, trained=2.4)
+
+
 def test_a_neighbour_accounts_for_less_than_the_truth_does():
     """Iron loss and dry friction, both against the motion, under the noise of the sensors."""
     data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)

@@ -1,12 +1,14 @@
 """Where fits begin of effects of which a touch tells little: at the best of a grid."""
 
+from dataclasses import replace
+
 from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
 import pytest
 
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.fitting import bench_of
-from motor_sysid.diagnosis.search import grid_starts
+from motor_sysid.diagnosis.search import grid_starts, refit
 from motor_sysid.diagnosis.search.grid_starts import BEST, starts_on_grid
 from motor_sysid.diagnosis.search.refit import try_effect
 from motor_sysid.diagnosis.search.rounds import scored
@@ -63,6 +65,20 @@ def test_what_the_touch_calls_impossible_is_tried_from_the_grid():
     trial = try_effect([impossible(one) for one in variants], level, bench)
     assert trial.passes
     assert trial.rung.model['flexible_shaft.r'] == pytest.approx(1.2, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ('cost', 'evidence', 'asked'), [(1.02, 0.9, False), (1.02, 1.1, True), (1.05, 0.9, True)]
+)
+def test_a_grid_is_tried_where_something_is_missing(monkeypatch, cost, evidence, asked):
+    """The noise model may have taken it for noise; the evidence of a touch tells of it then."""
+    bench, level, variants = level_of('flexible_shaft')
+    level = replace(level, cost=cost * level.rows)
+    touch = replace(variants[0], delta_bic=evidence * bench.threshold)
+    points = []
+    monkeypatch.setattr(refit, 'starts_on_grid', lambda *_: points.append(1) or [])
+    refit.try_roughly([touch], level, bench)
+    assert bool(points) is asked
 
 
 @pytest.mark.parametrize('key', GRIDDED)

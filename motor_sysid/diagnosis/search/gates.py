@@ -83,8 +83,9 @@ effect is there even if its amplitude cannot be told from nothing together with 
 combination of it and the motor's own parameters may be all that the data see."""
 
 HALVED = 0.5
-"""Error over the training data, in units of that before, below which an effect that lowers the
-held-out error need not do so steadily: what it acts on may be rare there."""
+"""Error over the training data, in units of that before, below which what an effect acts on may be
+rare in the held-out data: their error need not fall steadily, nor by as much for an effect to be
+there for sure."""
 
 CERTAIN_GAIN, CERTAIN_STEADY, CERTAIN_T = 10.0, 0.9, 3.0
 """An effect whose gain is lost in the noise of the sensors is believed if the whitened held-out
@@ -309,7 +310,9 @@ def gate_note(
     if delta < threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE
-    sure = delta > SURE * threshold and gain > SURE_GAIN and steady >= MIN_STEADY
+    halved = new.training.error_percent < HALVED * old.training.error_percent
+    falls = steady >= MIN_STEADY and (gain > SURE_GAIN or (halved and gain > MIN_GAIN_PERCENT))
+    sure = delta > SURE * threshold and falls
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return UNCERTAIN
     if _stands_still(new.model, scored.variant.effect, duration):
@@ -329,7 +332,6 @@ def gate_note(
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'{TOO_LITTLE} {max(gain, 0.0):.1f} % only'
-    halved = new.training.error_percent < HALVED * old.training.error_percent
     if steady < MIN_STEADY and not halved:
         return UNSTEADY
     return ''

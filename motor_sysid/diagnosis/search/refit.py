@@ -69,7 +69,9 @@ def try_roughly(
 ) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all.
 
-    It begins as well from an `earlier` fit of the same effects, if there is one.  Where another
+    It begins as well from an `earlier` fit of the same effects, if there is one, and from the best
+    of a grid where something is missing: a touch may have evidence where a noise model takes most
+    of what is missing for noise.  Where another
     speed sensor fits better, the evidence decides: a load that comes and goes hides much of it.
     """
     rung = level.rung
@@ -77,7 +79,7 @@ def try_roughly(
     possible = [one for one in starts if one.gain >= least and not _impossible(one)]
     tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
     one, model = starts[0], _opened(starts[0].variant.model, rung.model, starts[0])
-    if level.is_incomplete:
+    if level.is_incomplete or one.delta_bic > bench.threshold:
         points = starts_on_grid(one.variant, rung.model, bench)
         tried += [(one, model.with_values(point)) for point in points]
     if not tried:
