@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
+from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
@@ -335,6 +336,8 @@ class Engine:
             verdict = Verdict.INSUFFICIENT_DATA
         if verdict is Verdict.COMPLETE and contested(ladder[-1][1], final, self.bench.threshold):
             verdict = Verdict.UNKNOWN_EFFECT
+        if verdict is Verdict.COMPLETE and len(ladder) == 1:
+            ladder = [(unbiased(final, self.bench), ladder[0][1])]
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
         steps = tuple(

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.refit import rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.search.rung import (
     BRIEF,
@@ -185,7 +186,7 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     if not right:
         runs = [_residuals(last.model, some, n) for n in (JUDGE * FINEST, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
-    return replace(last, result=honest(last, bench, blunt)), bench
+    return unbiased(replace(last, result=honest(last, bench, blunt)), bench), bench
 
 
 def _begun_sharp(rung: Rung, model: Model, bench: Bench) -> Rung:

@@ -50,6 +50,10 @@ Between coarse samples a narrow one chatters about zero, and a fit that begins f
 move; from a wide one it slides down.
 """
 
+QUICK = 0.1
+"""Electrical time constant in samples from which a fit of a delay or a lag begins as well: with
+the inductance that made up for it, shorter delays seem as good."""
+
 USUAL = 0.2
 """Amplitude in units of its scale from which a fit in full begins as well."""
 
@@ -92,6 +96,8 @@ def try_roughly(
     anew = lost(rung.model, bench)
     if not one.variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}
+        quick = _quick(rung.model, bench) if level.is_incomplete else {}
+        tried += [(start, m.with_values(quick)) for start, m in tried] if quick else []
     if anew:
         tried.append((one, model.with_values(anew)))
 
@@ -111,6 +117,13 @@ def try_roughly(
         found,
         key=lambda t: (t.passes, ASTRAY * t.rung.training.error_percent < least, t.delta_bic),
     )
+
+
+def _quick(model: Model, bench: Bench) -> dict[str, float]:
+    """Return inductances that make up for a delay or a lag at what a sample hardly shows."""
+    size = QUICK * model['R'] * bench.train[0][0].drive.dt if 'R' in model.parameters else np.inf
+    slow = (p for p in model.parameters.free if p.unit == 'H' and p.value > size)
+    return {p.name: max(size, p.lower) for p in slow}
 
 
 def _followed(

@@ -1,0 +1,107 @@
+"""The last fit of data from a closed loop, where the noise of a sensor comes back as input.
+
+A speed that is the difference of encoder counts errs to the other side in the next sample, when
+the controller has answered to the first error.  What a plain output error leaves then goes along
+with how the motor moves, and draws the fit to itself by several standard errors.  Behind a filter
+that makes of the noise what nothing before tells of, it does not.
+
+    e = H^-1 (y - G u),    1 / H an autoregression of what the model leaves
+
+(Ljung, System Identification, 1999, sections 8.4 and 13.4.)
+"""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.rung import judge, newton_step, Rung, slopes, SPOILED
+from motor_sysid.estimation.batch import coloured, FitResult, Linearization, Problem
+from motor_sysid.estimation.batch.least_squares import (
+    ENOUGH,
+    normal_equations,
+    result_at,
+    Solution,
+)
+from motor_sysid.estimation.batch.methods.reference import moving_references
+from motor_sysid.physics.effects import effect
+from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
+
+ORDER = 40
+"""Order of the noise model: that of what is differenced needs many terms."""
+
+SAMPLES = 20
+"""Samples of each stretch for each term, at least."""
+
+
+def unbiased(rung: Rung, bench: Bench) -> Rung:
+    """Return a fit that noise which is fed back does not bias; the same in an open loop.
+
+    One step leads there from the least output error, with the derivatives that are known.  It is
+    taken where it brings at least half of what it promises, and does the held-out error no harm.
+    Standard errors stay those of the plain fit: what laws have not right counts for more behind
+    such a filter.  Where teeth strike, the cost is too rough for it.
+    """
+    if not _applies(rung, bench):
+        return rung
+    problem = bench.problem(rung.model)
+    near, z = slopes(rung, bench), problem.vector()
+    noise = coloured([problem.settled(one, rung.result.weighting) for one in near], ORDER)
+    gradient, curvature, cost = normal_equations(near, noise)
+    lower, upper = problem.box()
+    inward = ((z > lower) | (gradient > 0.0)) & ((z < upper) | (gradient < 0.0))
+    some, move = np.flatnonzero(inward), np.zeros(z.size)
+    move[some] = newton_step(gradient[some], curvature[np.ix_(some, some)])
+    if not np.all(np.isfinite(move)):
+        return rung
+    z = np.clip(z + _straight(move, problem), lower, upper)
+    there = problem.linearize(z, parameters=False)
+    near = tuple(replace(a, residual=b.residual) for a, b in zip(near, there, strict=True))
+    if not normal_equations(near, noise)[2] <= cost - ENOUGH * float(move @ gradient):
+        return rung
+    found = judge(_told(rung.result, problem, z, near), bench, near)
+    return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
+
+
+def _applies(rung: Rung, bench: Bench) -> bool:
+    """Whether the data are those of a closed loop, and long enough for the noise model."""
+    if bench.horizon is not None or not is_closed(bench):
+        return False
+    strikes = any(effect(key).card.strikes for key in rung.model.effects)
+    return not strikes and min(map(len, _train(bench))) >= SAMPLES * ORDER
+
+
+def _told(
+    plain: FitResult, problem: Problem, z: Array, near: tuple[Linearization, ...]
+) -> FitResult:
+    """Return the result at a vector, with what the plain fit says of its certainty."""
+    cost = normal_equations(near, plain.weighting)[2]
+    solution = Solution(z, cost, plain.success, plain.iterations + 1, plain.simulations + 1, near)
+    result = result_at(
+        problem, plain.weighting, solution, solution.simulations, solution.iterations
+    )
+    sigmas = {p.name: p.sigma for p in plain.model.parameters.free if p.sigma is not None}
+    model = result.model.with_estimates({}, sigmas)
+    return replace(result, model=model, covariance=plain.covariance)
+
+
+def is_closed(bench: Bench) -> bool:
+    """Whether a controller drove the motor in some of the training data."""
+    return any(moving_references(record) for record in _train(bench))
+
+
+def _straight(move: Array, problem: Problem) -> Array:
+    """Return the move that is as far in the parameters as the given one promises to be.
+
+    The logarithm of an inductance far below what a sample shows would run away.
+    """
+    rises = np.array([p.logarithmic for p in problem.free]) & (move > 0.0)
+    return np.where(rises, np.log1p(np.abs(move)), move)
+
+
+def _train(bench: Bench) -> list[Record]:
+    """Return the training stretches."""
+    return [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
