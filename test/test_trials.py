@@ -114,6 +114,30 @@ def test_a_delay_begins_from_the_first_guess_of_the_motor_too(monkeypatch):
     assert found.rung.model['L'] == pytest.approx(MOTOR['L'], rel=0.02)
 
 
+def test_every_delay_is_tried_beside_a_winding_that_makes_up_for_nothing(monkeypatch):
+    data = records({'input_delay': {'delay': 3.4e-3}}, kinds=('steps',), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    quick = refit.QUICK * rung.model['R'] * data[0].dt
+    begun: list[tuple[float, float]] = []
+
+    def spy(problem, *given, **named):
+        begun.append((problem.model['input_delay.delay'], problem.model['L']))
+        return fit(problem, *given, **named)
+
+    monkeypatch.setattr(refit, 'fit', spy)
+    variants = scored(rung, bench, [effect('input_delay')], lambda text: None)
+    level = Level.of(rung, bench, variants.weighting)
+    starts = best_per_effect(variants.singles, 1)[0]
+    refit.try_roughly(starts, level, bench)
+    delays = {one.variant.model['input_delay.delay'] for one in starts}
+    assert len(delays) > 1
+    assert {delay for delay, inductance in begun if inductance == quick} == delays
+    begun.clear()
+    refit.try_roughly(starts, replace(level, cost=float(level.rows)), bench)
+    assert begun
+    assert all(inductance != quick for _, inductance in begun)
+
+
 # --- what a trial comes to
 
 
