@@ -17,7 +17,7 @@ from motor_sysid.benchmark.page import page
 from motor_sysid.benchmark.scenarios import Scenario
 from motor_sysid.benchmark.statistics import Share
 from motor_sysid.benchmark.store import ResultsFile
-from motor_sysid.benchmark.tables import as_dict, tables
+from motor_sysid.benchmark.tables import as_dict, effect_table, tables, time_table
 from motor_sysid.benchmark.targets import (
     both_visible,
     Goal,
@@ -139,6 +139,31 @@ def test_an_effect_is_visible_if_the_true_structure_runs_better():
     two = ('coulomb_friction', 'cogging_torque')
     assert both_visible(result(two, before=9.0, lacking=2.05, reference=2.0))
     assert not both_visible(result(two, before=9.0, lacking=2.03, reference=2.0))
+
+
+def texts(table):
+    return [tuple(cell.text for cell in row) for row in table.rows]
+
+
+def test_each_single_effect_has_a_row():
+    dry = [result(('coulomb_friction',), number=k, before=6.0) for k in range(3)]
+    hidden = result(('coulomb_friction',), Outcome.MISSED, (), number=3, before=2.01, size=0.01)
+    special = result(('lugre_friction',), Outcome.PART, ('stribeck_friction',), after=2.01)
+    wrong = result(('iron_loss',), Outcome.WRONG, ('gravity_load',), after=3.0)
+    pair = result(('coulomb_friction', 'iron_loss'))
+    unseen = result(('current_sensor_scale',), named=())
+    assert texts(effect_table([*dry, hidden, special, wrong, pair, unseen, result()])) == [
+        ('coulomb_friction', '4', '3', '3', '', '', '6 % → 2 % → 2 %'),
+        ('iron_loss', '1', '1', '', '', '1', '5 % → 3 % → 2 %'),
+        ('lugre_friction', '1', '1', '', '1', '', '5 % → 2.01 % → 2 %'),
+    ]
+
+
+def test_times_are_told_by_kind_of_case():
+    some = [result(number=k, seconds=float(k)) for k in range(11)]
+    assert texts(time_table([*some, result(('iron_loss',), seconds=7.0)])) == [
+        ('complete', '11', '5.0 s', '9.0 s', '10.0 s'), ('single', '1', '7.0 s', '7.0 s', '7.0 s')
+    ]  # fmt: skip
 
 
 def test_json_holds_rates_confusion_and_cases():

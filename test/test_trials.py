@@ -373,8 +373,14 @@ def test_a_fit_that_went_astray_begins_again_where_one_of_its_kind_ended():
     assert try_beside(replace(brushes, delta_bic=1e9), other, level, bench).delta_bic == 1e9
 
 
-def test_a_drift_takes_nothing_from_a_friction_that_is_not_there():
-    """Viscous friction grows, and a drag bends the other friction below nothing."""
+@pytest.mark.parametrize('rough', [True, False])
+def test_a_drift_takes_nothing_from_a_friction_that_is_not_there(rough, monkeypatch):
+    """Viscous friction grows, and a drag bends the other friction below nothing.
+
+    The fit to all of the data may tell that for certain where the rough one does not.
+    """
+    if not rough:
+        monkeypatch.setattr(refit, '_undrained', lambda found, *_: found)
     truth = {'friction_drift': {'d_v': 8e-6}, 'quadratic_drag': {'k_d': 1e-7}}
     bench, rung = prepared(records(truth, kinds=('steps', 'triangle'), seconds=4.0),
                            SpeedSensor.DIFFERENCE)  # fmt: skip

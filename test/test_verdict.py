@@ -6,7 +6,14 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis.result.result import Verdict
-from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, SURE, UNCERTAIN, UNPHYSICAL, UNSTEADY
+from motor_sysid.diagnosis.search.gates import (
+    NO_EVIDENCE,
+    SURE,
+    TOO_LITTLE,
+    UNCERTAIN,
+    UNPHYSICAL,
+    UNSTEADY,
+)
 from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
@@ -17,6 +24,7 @@ from motor_sysid.diagnosis.search.ranking import (
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.search.trial import searching, Trial
 from motor_sysid.diagnosis.verdict.verdict import (
+    besides,
     contested,
     is_last_outweighed,
     verdict_of,
@@ -71,12 +79,13 @@ def trial(
 BASE = run(0.0 * WAVES[0])
 
 
-def rung(error_percent, unidentifiable=(), *, effects=(), friction=1e-5):
-    """Return a fit with that held-out error and a viscous friction told to a tenth."""
+def rung(error_percent, unidentifiable=(), *, effects=(), friction=1e-5, training=5.0):
+    """Return a fit with those errors and a viscous friction told to a tenth."""
     b = Parameter('b', 'N m s/rad', friction, 1e-12, 10.0, '', sigma=0.1 * friction)
     return SimpleNamespace(
         model=SimpleNamespace(effects=effects, parameters=ParameterSet((b,))),
         held=SimpleNamespace(error_percent=error_percent),
+        training=SimpleNamespace(error_percent=training),
         result=SimpleNamespace(unidentifiable=unidentifiable, undetermined=unidentifiable),
     )
 
@@ -538,19 +547,30 @@ def test_what_any_strength_of_the_ridge_predicts_of_other_blocks_is_no_noise(mon
 # --- what training and held-out data do not agree on
 
 
+ONLY = f'{TOO_LITTLE} 0.0 % only'
+
+
 @pytest.mark.parametrize(
-    ('note', 'evidence', 'after', 'told'),
+    ('note', 'evidence', 'held', 'training', 'told'),
     [
-        (UNSTEADY, 2.0, 5.5, True),
-        ('', 2.0, 5.5, False),  # it passes
-        (UNCERTAIN, 2.0, 5.5, False),
-        (UNSTEADY, 0.9, 5.5, False),  # no overwhelming evidence
-        (UNSTEADY, 2.0, 5.65, False),  # less than 1 % of the signal: sqrt(5.7^2 - 5.65^2) = 0.75
+        (UNSTEADY, 2.0, 5.5, 5.0, True),
+        ('', 2.0, 5.5, 3.0, False),  # it passes
+        (UNCERTAIN, 2.0, 5.5, 3.0, False),
+        (UNPHYSICAL, 2.0, 5.5, 3.0, False),
+        (UNSTEADY, 0.9, 5.5, 3.0, False),  # no overwhelming evidence
+        (UNSTEADY, 2.0, 5.65, 5.0, False),  # less than 1 % of the signal: sqrt(5.7^2 - 5.65^2)
+        (ONLY, 2.0, 5.69, 4.8, True),  # seen in training: sqrt(5.0^2 - 4.8^2) = 1.4 %
+        (ONLY, 2.0, 5.69, 4.95, False),  # 0.7 %
+        (ONLY, 2.0, 5.8, 4.8, False),  # it does harm
+        (ONLY, 0.9, 5.69, 3.0, False),
     ],
 )
-def test_what_held_out_data_contest_is_told(note, evidence, after, told):
+def test_what_held_out_data_contest_is_told(note, evidence, held, training, told):
     variant = SimpleNamespace(effect=effect('cogging_torque'), inherits=False)
     one = Trial(
-        SimpleNamespace(variant=variant), rung(after), evidence * SURE * 20.0, 2.0, 0.6, note, 1.0
-    )
+        SimpleNamespace(variant=variant), rung(held, training=training),
+        evidence * SURE * 20.0, 2.0, 0.6, note, 1.0,
+    )  # fmt: skip
     assert contested([one], rung(5.7), 20.0) is (one if told else None)
+    if told:
+        assert 'speak for cogging' in besides(one, rung(5.7))

@@ -52,7 +52,12 @@ from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
 from motor_sysid.diagnosis.verdict.evidence import step_of
 from motor_sysid.diagnosis.verdict.explain import explained
-from motor_sysid.diagnosis.verdict.verdict import contested, is_last_outweighed, verdict_of
+from motor_sysid.diagnosis.verdict.verdict import (
+    besides,
+    contested,
+    is_last_outweighed,
+    verdict_of,
+)
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.estimation.batch import Weighting
@@ -334,7 +339,8 @@ class Engine:
         verdict = verdict_of(ladder, left, rivals, share, doubted)
         if verdict is Verdict.COMPLETE and input_is_constant(self.train_records):
             verdict = Verdict.INSUFFICIENT_DATA
-        if verdict is Verdict.COMPLETE and contested(ladder[-1][1], final, self.bench.threshold):
+        torn = contested(ladder[-1][1], final, self.bench.threshold)
+        if verdict is Verdict.COMPLETE and torn:
             verdict = Verdict.UNKNOWN_EFFECT
         if verdict is Verdict.COMPLETE and len(ladder) == 1:
             ladder = [(unbiased(final, self.bench), ladder[0][1])]
@@ -356,7 +362,8 @@ class Engine:
             reasons=(),
             records=self.bench.records,
             roles=self.bench.roles,
-            warnings=(*final.result.unidentifiable, *final.result.warnings, *self.notes),
+            warnings=(*final.result.unidentifiable, *final.result.warnings, *self.notes)
+            + ((besides(torn, final),) if named and torn else ()),
         )
         found = explained(found, steps, left, rivals, self.nominal, self.compared)
         wanted = next_experiment(verdict, ladder, rivals, self.train_records)

@@ -138,19 +138,27 @@ def _followed(
 
 
 def _undrained(found: FitResult, key: str, bench: Bench) -> FitResult:
-    """Return a rough fit in which an effect takes nothing from a friction that is not there.
+    """Return a rough fit in which an effect takes nothing from a friction that is not there."""
+    held = _dried(found.model, key, bench)
+    if held is found.model:
+        return found
+    return rough_fit(held, found.weighting, bench, ROUGH_STEPS)
+
+
+def _dried(model: Model, key: str, bench: Bench) -> Model:
+    """Return a model in which an effect uses up no friction that is not there.
 
     Of an effect that changes several frictions the others may change all the same.
     """
-    model = found.model
     if not feeds(model, key, bench.scales.duration):
-        return found
+        return model
     dry = [
         f'{key}.{name}' for name, sources in effect(key).card.drains.items()
         if not any(source in model.parameters for source in sources)
     ]  # fmt: skip
-    held = model.with_values(dict.fromkeys(dry, 0.0)).with_free(dry, free=False)
-    return rough_fit(held, found.weighting, bench, ROUGH_STEPS) if dry else found
+    if not dry:
+        return model
+    return model.with_values(dict.fromkeys(dry, 0.0)).with_free(dry, free=False)
 
 
 def _chatters(model: Model) -> bool:
@@ -222,6 +230,9 @@ def settled(trial: Trial, level: Level, bench: Bench) -> Trial:
         return trial
     rough = trial.rung
     new = climb(rough.model, bench, rough.result.weighting, briefly=True, near=rough.near)
+    held = _dried(new.model, trial.key, bench)
+    if held is not new.model:
+        new = climb(held, bench, new.result.weighting, briefly=True)
     return judged(trial.scored, replace(new, near=()), level, bench, new.near)
 
 

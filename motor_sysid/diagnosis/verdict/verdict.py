@@ -6,10 +6,11 @@ from itertools import pairwise
 import numpy as np
 
 from motor_sysid.diagnosis.result.result import Verdict
-from motor_sysid.diagnosis.search.gates import gone, SURE, UNSTEADY
+from motor_sysid.diagnosis.search.gates import gone, HELD_BACK, SURE, UNSTEADY
 from motor_sysid.diagnosis.search.ranking import NEARLY_ALL
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.remainder import Remainder, TRIFLE_PERCENT
 
 ALL_BUT_A_TRIFLE = 0.99
@@ -69,20 +70,51 @@ def is_last_outweighed(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remaind
     return _outweighs(left, final, last) and not _outweighs(left, final, min(others))
 
 
-def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | None:
-    """Return what training data speak for beyond doubt and held-out data only in part, if any.
+def disagree(note: str, held: float, training: float) -> bool:
+    """Whether held-out data keep out what lowers an error by more than a trifle.
 
-    That a model is complete cannot be said then, though nothing is named either: it lowers the
-    held-out error by more than what is too small to matter, but not steadily, as waves over a turn
-    do whose angle is not measured.
+    Parameters
+    ----------
+    note:
+        Why an effect does not pass.
+    held, training:
+        Fall of the squared error over the held-out and over the training data, %^2.
     """
-    least = base.held.error_percent**2 - TRIFLE_PERCENT**2
+    trifle = TRIFLE_PERCENT**2
+    return (note == UNSTEADY and held > trifle) or (
+        note.startswith(HELD_BACK) and held >= 0.0 and training > trifle
+    )
+
+
+def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | None:
+    """Return what training data speak for beyond doubt and held-out data do not, if any.
+
+    That a model is complete cannot be said then, though nothing is named either.  It lowers the
+    held-out error by more than what is too small to matter, but not steadily, as waves over a turn
+    do whose angle is not measured; or that of the training data, for it stands for what those show
+    and the held-out ones hardly do.  What does harm there is just fitted to the training data.
+    """
+    def fall(before: Comparison, after: Comparison) -> float:
+        return before.error_percent**2 - after.error_percent**2
+
     torn = [
         t for t in trials
-        if t.note == UNSTEADY and t.delta_bic > SURE * threshold
-        and t.rung.held.error_percent**2 < least
+        if t.delta_bic > SURE * threshold
+        and disagree(
+            t.note, fall(base.held, t.rung.held), fall(base.training, t.rung.training)
+        )
     ]  # fmt: skip
     return max(torn, key=lambda t: t.delta_bic, default=None)
+
+
+def besides(torn: Trial, final: Rung) -> str:
+    """Say that training data speak for more than is named, and held-out data do not."""
+    return (
+        f'the training data speak for {torn.scored.variant.effect.card.title} besides (their '
+        f'error falls from {final.training.error_percent:.3g} to '
+        f'{torn.rung.training.error_percent:.3g} %), which the held-out data do not bear out: '
+        'more may be missing than is named'
+    )
 
 
 def verdict_of(

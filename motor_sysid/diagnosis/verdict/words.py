@@ -10,8 +10,8 @@ from motor_sysid.diagnosis.result.findings import (
     WrongParameter,
 )
 from motor_sysid.diagnosis.result.result import Candidate, Step, Verdict
-from motor_sysid.diagnosis.search.gates import UNSTEADY
 from motor_sysid.diagnosis.search.synonyms import other_names
+from motor_sysid.diagnosis.verdict.verdict import disagree
 from motor_sysid.diagnosis.where.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
 from motor_sysid.physics.effects import effect
 
@@ -46,13 +46,17 @@ def unknown(
     ladder: Sequence[Step], left: Remainder, found: Sequence[Unknown]
 ) -> list[str]:
     """Say that something unknown is missing, and on which axis it lives."""
-    least = ladder[-1].validation_error_percent**2 - TRIFLE_PERCENT**2
+    last = ladder[-1]
     torn = [
-        c for c in ladder[-1].candidates
-        if c.note == UNSTEADY and c.validation_error_percent**2 < least
+        c for c in last.candidates
+        if disagree(
+            c.note,
+            last.validation_error_percent**2 - c.validation_error_percent**2,
+            last.train_error_percent**2 - c.train_error_percent**2,
+        )
     ]  # fmt: skip
     if torn and len(ladder) == 1 and not left.structured:
-        return _contested(ladder[-1], max(torn, key=lambda c: c.delta_bic))
+        return _contested(last, max(torn, key=lambda c: c.delta_bic))
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is '
         f'{ladder[-1].validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
@@ -66,10 +70,11 @@ def _contested(step: Step, found: Candidate) -> list[str]:
     title = effect(found.effect).card.title
     return [
         f'Something is missing, but these data do not agree on what: {title} has overwhelming '
-        f'evidence in the training data (a gain in BIC of {found.delta_bic:.0f}) and lowers the '
-        f'held-out error from {step.validation_error_percent:.3g} to '
-        f'{found.validation_error_percent:.3g} %, yet it {found.note}. To do: hold back data like '
-        'those for training, with the position if there is an encoder',
+        f'evidence in the training data (a gain in BIC of {found.delta_bic:.0f}; the error falls '
+        f'from {step.train_error_percent:.3g} to {found.train_error_percent:.3g} % there, from '
+        f'{step.validation_error_percent:.3g} to {found.validation_error_percent:.3g} % over the '
+        f'held-out data), yet it {found.note}. To do: hold back data like those for training, '
+        'with the position if there is an encoder',
     ]
 
 
