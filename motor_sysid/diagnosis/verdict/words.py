@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.result.findings import (
     WrongParameter,
 )
 from motor_sysid.diagnosis.result.result import Candidate, Step, Verdict
+from motor_sysid.diagnosis.search.gates import UNSTEADY
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.verdict.verdict import disagree
 from motor_sysid.diagnosis.where.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
@@ -68,12 +69,13 @@ def unknown(
 def _contested(step: Step, found: Candidate) -> list[str]:
     """Say that training and held-out data do not agree on an effect."""
     title = effect(found.effect).card.title
+    why = f'it {found.note}' if found.note == UNSTEADY else 'that is next to nothing there'
     return [
         f'Something is missing, but these data do not agree on what: {title} has overwhelming '
         f'evidence in the training data (a gain in BIC of {found.delta_bic:.0f}; the error falls '
         f'from {step.train_error_percent:.3g} to {found.train_error_percent:.3g} % there, from '
         f'{step.validation_error_percent:.3g} to {found.validation_error_percent:.3g} % over the '
-        f'held-out data), yet it {found.note}. To do: hold back data like those for training, '
+        f'held-out data), yet {why}. To do: hold back data like those for training, '
         'with the position if there is an encoder',
     ]
 
