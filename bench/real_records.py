@@ -16,8 +16,11 @@ from pathlib import Path
 import sys
 import time
 
+from pages import filled, markdown
+
 from motor_sysid.signals.record import Record
 
+HEAD = ('record', 'known to be missing', 'verdict', 'named, in order', 'held-out error, %')
 CONFIGS = Path(__file__).with_suffix('')
 
 
@@ -100,11 +103,11 @@ def main() -> None:
         rows = []
         for case, job in zip(chosen, jobs, strict=True):
             rows.append({'record': case.name, 'expected': case.expected, **job.result()})
-            print(line(rows[-1]), flush=True)  # noqa: T201
+            print(*cells(rows[-1]), sep=' | ', flush=True)  # noqa: T201
     if args.json:
         args.json.write_text(json.dumps(rows, indent=1) + '\n')
     if args.markdown:
-        args.markdown.write_text(filled(args.markdown, rows))
+        args.markdown.write_text(filled(args.markdown, 'table', markdown(HEAD, map(cells, rows))))
 
 
 def look(case: Case, folder: Path) -> dict[str, object]:
@@ -148,26 +151,16 @@ def there_and_back(record: Record) -> tuple[Record, Record]:
     return record.slice(0, turn), record.slice(turn, len(record))
 
 
-def line(row: dict[str, object]) -> str:
+def cells(row: dict[str, object]) -> tuple[str, ...]:
     """Return one row of the table."""
     ladder = ' → '.join(f'{value:.3g}' for value in _list(row['ladder']))
     effects = ', '.join(f'`{key}`' for key in _list(row['effects'])) or '–'
-    return f'| {row["record"]} | {row["expected"]} | {row["verdict"]} | {effects} | {ladder} |'
+    return str(row['record']), str(row['expected']), str(row['verdict']), effects, ladder
 
 
 def _list(value: object) -> Sequence[object]:
     assert isinstance(value, list)
     return value
-
-
-def filled(page: Path, rows: Sequence[dict[str, object]]) -> str:
-    """Return the page with the table between its marks made anew."""
-    head = '| record | known to be missing | verdict | named, in order | held-out error, % |'
-    table = '\n'.join([head, '| --- | --- | --- | --- | --- |', *map(line, rows)])
-    text = page.read_text()
-    before, _, rest = text.partition('<!-- table -->')
-    _, _, after = rest.partition('<!-- end of table -->')
-    return f'{before}<!-- table -->\n{table}\n<!-- end of table -->{after}'
 
 
 if __name__ == '__main__':

@@ -1,0 +1,38 @@
+"""The programs in bench/, and the figures in docs/ that come from the results kept there."""
+
+from pathlib import Path
+import subprocess
+import sys
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+BENCH, RESULTS = ROOT / 'bench', ROOT / 'bench' / 'results'
+
+
+def run(name, *arguments):
+    line = [sys.executable, BENCH / name, *arguments]
+    return subprocess.run(list(map(str, line)), capture_output=True, text=True, check=False)
+
+
+def test_the_page_tells_what_the_results_say(tmp_path):
+    page, files = ROOT / 'docs' / 'benchmark.md', sorted(RESULTS.glob('diagnosis_*.jsonl'))
+    copy = tmp_path / 'page.md'
+    copy.write_text(page.read_text(encoding='utf-8'), encoding='utf-8')
+    done = run('diagnosis_rates.py', *files, '--markdown', copy)
+    assert done.returncode == 0, done.stderr
+    assert copy.read_text(encoding='utf-8') == page.read_text(encoding='utf-8')
+
+
+def test_a_table_goes_between_its_marks_only(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(BENCH)
+    from pages import filled, markdown  # type: ignore[import-not-found]
+
+    page = tmp_path / 'page.md'
+    page.write_text('before\n<!-- t -->\nold\n<!-- end of t -->\nafter\n')
+    table = markdown(('a', 'b'), [('1', '')])
+    assert filled(page, 't', table) == (
+        'before\n<!-- t -->\n| a | b |\n| --- | --- |\n| 1 |  |\n<!-- end of t -->\nafter\n'
+    )
+    with pytest.raises(ValueError, match='no place for a table'):
+        filled(page, 'other', table)
