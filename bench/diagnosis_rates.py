@@ -1,7 +1,8 @@
 """The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
 
-.venv/bin/motor-sysid benchmark diagnosis --seed 6500 --no-peers --results bench/results/6500.jsonl
-.venv/bin/python bench/diagnosis_rates.py bench/results/6500.jsonl --markdown docs/benchmark.md
+FILE=bench/results/diagnosis_6600.jsonl
+.venv/bin/motor-sysid benchmark diagnosis --seed 6600 --no-peers --results $FILE
+.venv/bin/python bench/diagnosis_rates.py $FILE --markdown docs/benchmark.md
 """
 
 import argparse

@@ -123,17 +123,12 @@ def effect_table(results: Sequence[Result]) -> Table:
         exact = sum(r.outcome is Outcome.RIGHT for r in seen)
         special = sum(r.outcome is not Outcome.RIGHT and named_as_well(r) for r in seen)
         wrong = sum(r.outcome in BAD for r in mine)
-        errors = [
-            f'{np.median([getattr(r, which) for r in seen if getattr(r, which)]):.3g} %'
-            for which in ('before', 'after', 'reference')
-            if any(getattr(r, which) for r in seen)
-        ]  # fmt: skip
-        rows.append(
-            (*_cells(effect, str(len(mine)), str(len(seen))),
-             *(_count(n, len(seen), tone) if n else Cell('')
-               for n, tone in ((exact, 'good'), (special, 'soft'))),
-             _count(wrong, len(mine), 'bad'), Cell(' → '.join(errors)))
-        )  # fmt: skip
+        errors = [_median(seen, which) for which in ('before', 'after', 'reference')]
+        rows.append((
+            *_cells(effect, str(len(mine)), str(len(seen))),
+            _count(exact, len(seen), 'good'), _count(special, len(seen), 'soft'),
+            _count(wrong, len(mine), 'bad'), Cell(' → '.join(errors) if seen else ''),
+        ))  # fmt: skip
     return Table(
         'Single effects',
         'Of all sizes. Visible: the held-out error of the linear model is 2 % or more above that '
@@ -157,7 +152,7 @@ def time_table(results: Sequence[Result]) -> Table:
         )
     return Table(
         'Time of a diagnosis',
-        'Two training records and one to validate; each case has one core.',
+        'Two training records and one to validate, on the machine and beside the work of the run.',
         ('cases', 'number', 'median', '90 % within', 'longest'),
         tuple(rows),
     )
@@ -321,6 +316,11 @@ def _parts(share: Share) -> tuple[str, str, str]:
         return '0', '', ''
     low, high = share.limits
     return str(share.total), f'{100 * share.value:.1f} %', f'{100 * low:.1f} to {100 * high:.1f} %'
+
+
+def _median(results: Sequence[Result], which: str) -> str:
+    values = [getattr(r, which) for r in results if getattr(r, which)]
+    return f'{np.median(values):.3g} %' if values else '-'
 
 
 def _median_error(results: Sequence[Result], parameter: str, which: str) -> str:
