@@ -93,6 +93,20 @@ def test_an_amplitude_that_is_seen_only_in_combination_is_said_to_be():
     assert 'inf' not in one.words
 
 
+def test_an_amplitude_whose_shape_is_unknown_is_told_together_with_it():
+    """A winding that warms by as much in a shorter time: h and t_th are told together only."""
+    heated = fitted({}).with_effect('armature_heating', {'h': 0.02, 't_th': 13.0})
+    steps = [
+        step(fitted({}), 2.0, (tried('armature_heating', 'armature heating'),)),
+        step(heated.with_estimates({}, {'armature_heating.h': 0.011,
+                                        'armature_heating.t_th': 16.0}), 1.0),
+    ]  # fmt: skip
+    (one,) = evidence_of(steps, records({}, ['steps'], 2.0), 0.6, {})
+    assert one.plausible
+    assert 'These data tell h only together with t_th.' in one.words
+    assert 'h = 0.02 1/J' in one.words
+
+
 def test_an_effect_that_was_dropped_again_has_no_evidence():
     steps = [*ladder(), step(fitted({}), 1.0)]
     assert evidence_of(steps, records({}, ['steps'], 2.0), 0.6, {}) == ()

@@ -46,7 +46,8 @@ def base_of(hidden, offered=FEW):
 
 def test_a_twosome_leaves_nothing_but_noise():
     bench, base, scores = base_of(HIDDEN)
-    rung, gain = best_twosome(base, scores, bench, lambda text: None)
+    rung, gain, alone = best_twosome(base, scores, bench, lambda text: None)
+    assert not alone
     assert set(rung.model.effects) == set(HIDDEN)
     assert rung.model['brush_voltage_drop.v_b'] == pytest.approx(0.5, rel=0.02)
     assert gain > bench.threshold
@@ -54,16 +55,42 @@ def test_a_twosome_leaves_nothing_but_noise():
     assert best_twosome(base, scores, bench, lambda text: None) is None
 
 
-def test_what_is_superfluous_beside_another_is_no_twosome(monkeypatch):
-    """An inertia that changes a little at some moment can always be fitted, and told of noise."""
-    pairs = import_module('motor_sysid.diagnosis.search.pairs')
-    monkeypatch.setattr(pairs, 'is_told', lambda model, key: True)
+def test_what_is_superfluous_beside_another_has_shown_it_the_way_and_goes():
+    """An inertia that changes a little at some moment can always be fitted."""
     one = {'brush_voltage_drop': {'v_b': 0.5}}
     bench, base, scores = base_of(one, ('brush_voltage_drop', 'inertia_change'))
     assert len(scores.pairs) == 1
     told: list[str] = []
-    assert best_twosome(base, scores, bench, told.append) is None
+    rung, gain, (trial,) = best_twosome(base, scores, bench, told.append)
     assert told[-1] == 'dropping inertia_change: no longer needed'
+    assert rung.model.effects == (trial.key,) == ('brush_voltage_drop',)
+    assert rung.model['brush_voltage_drop.v_b'] == pytest.approx(0.5, rel=0.02)
+    assert trial.passes
+    assert trial.rung is rung
+    assert gain > bench.threshold
+
+
+def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch):
+    pairs = import_module('motor_sysid.diagnosis.search.pairs')
+    monkeypatch.setattr(pairs, 'is_impossible', lambda model, key, duration: True)
+    bench, base, scores = base_of(HIDDEN)
+    assert best_twosome(base, scores, bench, lambda text: None) is None
+
+
+@pytest.mark.slow
+def test_one_effect_that_only_a_pair_leads_to_is_named(monkeypatch):
+    """A shaft whose fit alone ends in a valley from which held-out data run worse."""
+    engine, pairs = import_module('motor_sysid.diagnosis.engine'), []
+    monkeypatch.setattr(
+        engine, 'best_twosome', lambda *given: pairs.append(best_twosome(*given)) or pairs[-1]
+    )
+    scenario, number = named_case('single/flexible_shaft/3/1')
+    case = draw(scenario, 6600, number)
+    found = diagnose(case.train, case.valid, motor='brushed_dc')
+    assert len(pairs) == 1
+    assert found.effects == ('flexible_shaft',)
+    (told,) = (c for c in found.steps[0].candidates if c.effect == 'flexible_shaft')
+    assert told.validation_error_percent < 0.6 * found.steps[0].validation_error_percent
 
 
 def test_of_a_complete_motor_there_is_no_twosome():

@@ -1,10 +1,11 @@
 """What later effects have made superfluous goes again, and laws wider than needed are narrowed."""
 
-from bench_motor import records
+from bench_motor import a_motor, measure, records, voltage_profile
 import numpy as np
 import pytest
 from test_trials import prepared
 
+from motor_sysid.diagnosis.search.gates import LEAST_CERTAINTY
 from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.model import SpeedSensor
@@ -79,3 +80,20 @@ def test_what_is_left_of_several_waves_is_numbered_from_the_first():
     assert left['cogging_torque.b_1'] == 2e-3
     assert left['cogging_torque.n'] == 40.0
     assert numbered(model, bench.scales) is model
+
+
+@pytest.mark.parametrize('warm', [True, False])
+def test_what_held_out_data_prove_stays_though_training_data_hardly_show_it(warm):
+    """A winding that hardly warms in training data, and does, or does not, in held-out ones."""
+    rng, heating = np.random.default_rng(1), {'h': 0.01, 't_th': 10.0}
+    motor = a_motor({'armature_heating': heating})
+    calm = [measure(motor, 0.4 * voltage_profile('steps', 4.0, rng), rng) for _ in range(3)]
+    hot = measure(motor, voltage_profile('steps', 8.0, rng), rng)
+    bench, base = prepared(calm[:2], SpeedSensor.DIFFERENCE, held=[hot if warm else calm[2]])
+    rung = climb(base.model.with_effect('armature_heating', heating, bench.scales), bench)
+    slim = climb(base.model, bench, rung.result.weighting)
+    costs = [profile_cost(one, bench, rung.result.weighting) for one in (slim, rung)]
+    assert costs[0][0] - costs[1][0] > LEAST_CERTAINTY
+    assert costs[0][0] - costs[1][0] < bench.threshold + 2 * np.log(costs[0][1])
+    left = pruned(rung, bench, {}, lambda text: None, last=True).model.effects
+    assert left == (('armature_heating',) if warm else ())

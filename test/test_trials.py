@@ -1,6 +1,6 @@
 """How an effect is refitted: from where, with which sensor, what is asked of the last fit."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,9 +41,11 @@ from motor_sysid.signals.record import Record
 START = {**MOTOR, 'omega_eps': 0.4, 'i_eps': 1e-2}
 
 
-def prepared(data: list[Record], sensor: SpeedSensor, **values: float) -> tuple[Bench, Rung]:
+def prepared(
+    data: list[Record], sensor: SpeedSensor, held: Sequence[Record] = (), **values: float
+) -> tuple[Bench, Rung]:
     """Return the data with the linear motor, fitted with that speed sensor."""
-    bench = make_bench(data, [], motor('brushed_dc'))
+    bench = make_bench(data, held, motor('brushed_dc'))
     model = Model.base('brushed_dc', {**START, **values}, speed_sensor=sensor)
     bench = with_scales(bench, model)
     return bench, climb(model, bench)

@@ -109,8 +109,10 @@ class Engine:
         pair = best_twosome(base, self.seen[state_of(base.model)][1], bench, self.tell)
         if pair is None:
             return found
-        rung, gain = pair
+        rung, gain, alone = pair
         own = [key for key in rung.model.effects if key not in base.model.effects]
+        others = [t for t in begun[0][1] if t.key not in {one.key for one in alone}]
+        begun = [(base, [*alone, *others])]
         self.gains, self.notes = dict.fromkeys(own, gain), []
         again = self.finish(*self.climb(begun, self.refine(rung)))
         return again if again.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS) else found

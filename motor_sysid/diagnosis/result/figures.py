@@ -4,11 +4,12 @@ import math
 
 _PREFIXES = ((1e6, 'M'), (1e3, 'k'), (1.0, ''), (1e-3, 'm'), (1e-6, 'µ'), (1e-9, 'n'))
 _NONE = ('1', 'rad', '%', '')
+_WHOLE = ('kg', 'ohm', '1/')
 
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
     """Return a value with its unit, prefixed where that is usual: ``3.1 mN m``."""
-    if unit in _NONE or unit.startswith(('kg', 'ohm')) or not math.isfinite(value) or value == 0:
+    if unit in _NONE or unit.startswith(_WHOLE) or not math.isfinite(value) or value == 0:
         plain = f'{value:.{digits}g}'
         return plain if unit in ('1', '') else f'{plain} {unit}'
     size = abs(value)

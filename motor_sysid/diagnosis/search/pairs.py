@@ -2,7 +2,8 @@
 
 What explains most alone may be neither of two that are missing, and lead to a place from which no
 exchange of one effect leads back.  The best pairs of the first scores are fitted as they are; one
-that leaves nothing but noise is where a second climb begins.
+that leaves nothing but noise is where a second climb begins.  One of a pair may have but shown the
+other a way out of a valley, and goes again.
 """
 
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.step_ahead import stands
-from motor_sysid.diagnosis.search.trial import Level
+from motor_sysid.diagnosis.search.trial import judged, Level, Trial
 
 TWO = 2
 """Effects that are added at once."""
@@ -30,12 +31,16 @@ Pair = tuple[Scored, Scored]
 
 def best_twosome(
     base: Rung, scores: Scores, bench: Bench, tell: Callable[[str], None]
-) -> tuple[Rung, float] | None:
-    """Return the fit of the pair that explains most, and its gain in BIC, if it is the truth.
+) -> tuple[Rung, float, list[Trial]] | None:
+    """Return the fit of the pair that explains most, if it is the truth.
 
     It must leave nothing but noise, lower the held-out error of `base` steadily and by much, and
-    neither of the two may be nothing, impossible, in the place of a parameter of the motor, or
-    superfluous beside the other.
+    no effect of it may be nothing, impossible, or in the place of a parameter of the motor.  One
+    that is superfluous beside the other goes.
+
+    Returns
+    -------
+    The fit, its gain in BIC, and what is left of a pair alone, if one is, as a trial on `base`.
     """
     level = Level.of(base, bench, scores.weighting)
     enough = MOSTLY * (level.cost - level.rows)
@@ -50,13 +55,14 @@ def best_twosome(
     with ThreadPoolExecutor(WORKERS) as pool:
         fits = list(pool.map(fitted, scores.pairs))
     rung, gain, pair = max(fits, key=lambda one: one[1], default=(base, 0.0, ()))
-    excess = (level.cost - gain) / level.rows
-    if gain < bench.threshold or not stands(rung, base, excess):
+    if gain < bench.threshold or not stands(rung, base, (level.cost - gain) / level.rows):
         return None
-    keys, duration = [one.variant.effect.key for one in pair], bench.scales.duration
-    model = rung.model
-    there = all(is_told(model, key) and not is_impossible(model, key, duration) for key in keys)
-    if not there:
+    starts = {one.variant.effect.key: one for one in pair}
+    slim = pruned(rung, bench, dict.fromkeys(starts, gain), tell, last=True)
+    model, duration = slim.model, bench.scales.duration
+    own = [key for key in model.effects if key not in base.model.effects]
+    there = all(is_told(model, key) and not is_impossible(model, key, duration) for key in own)
+    if not own or not there:
         return None
-    slim = pruned(rung, bench, dict.fromkeys(keys, gain), tell, last=True)
-    return (slim, gain) if len(slim.model.effects) == len(model.effects) else None
+    alone = [starts[key] for key in own if key in starts] if len(own) < TWO else []
+    return slim, level.gain(slim, bench), [judged(one, slim, level, bench) for one in alone]

@@ -141,12 +141,23 @@ def _plausible(
             lines.append(f'These data see {card.name} only in combination with other parameters.')
         elif card.positive:
             sure = _known(p.sigma, p.value) and p.value > 0
-            fine = fine and sure
-            lines.append('Its sign is the one that physics demands.' if sure
-                         else f'{card.name} cannot be told from zero.')  # fmt: skip
+            vague = [] if sure else _unknown_shapes(key, model)
+            fine = fine and (sure or bool(vague))
+            lines.append(
+                'Its sign is the one that physics demands.' if sure
+                else f'These data tell {card.name} only together with {", ".join(vague)}.'
+                if vague
+                else f'{card.name} cannot be told from zero.'
+            )  # fmt: skip
         lines += list(_size(card, abs(p.value), model, records, nominal))
     fine = fine and not any('more than' in line for line in lines)
     return fine, ' '.join(dict.fromkeys(lines))
+
+
+def _unknown_shapes(key: str, model: Model) -> list[str]:
+    """Return the free shapes of an effect that may be nothing: with them goes its amplitude."""
+    free = [(s.name, model.parameters[f'{key}.{s.name}']) for s in effect(key).card.shapes]
+    return [name for name, p in free if p.free and not _known(p.sigma, p.value)]
 
 
 def _size(
