@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
+from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.ranking import (
@@ -111,8 +112,7 @@ class Engine:
             return found
         rung, gain, alone = pair
         own = [key for key in rung.model.effects if key not in base.model.effects]
-        others = [t for t in begun[0][1] if t.key not in {one.key for one in alone}]
-        begun = [(base, [*alone, *others])]
+        begun = [(base, alone + [t for t in begun[0][1] if not alone or t.key not in own])]
         self.gains, self.notes = dict.fromkeys(own, gain), []
         again = self.finish(*self.climb(begun, self.refine(rung)))
         return again if again.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS) else found
@@ -156,7 +156,8 @@ class Engine:
                 f'{rung.validation.error_percent:.3g} -> '
                 f'{winner.rung.validation.error_percent:.3g} %'
             )
-            best = climb(winner.rung.model, self.bench, winner.rung.result.weighting)
+            weighting = winner.rung.result.weighting
+            best, _ = deepest(climb(winner.rung.model, self.bench, weighting), self.bench)
             worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
             best = winner.rung if worse or vanished(best.model, winner.key) else best
             best = pruned(best, self.bench, self.gains, self.tell)
@@ -331,14 +332,13 @@ class Engine:
         ladder = straightened(ladder, self.bench.threshold)
         scored = (one for _, scores in self.seen.values() for one in scores.singles)
         ladder = retold(ladder, self.bench, self.weighting(ladder[-1][0]), scored)
-        share = self.accounted(ladder)
         final = ladder[-1][0]
         rivals = {
             key: tuple(r for r in names if r not in final.model.effects)
             for key, names in rivals.items()
             if key in final.model.effects
         }
-        verdict = verdict_of(ladder, left, rivals, share, doubted)
+        verdict = verdict_of(ladder, left, rivals, self.accounted(ladder), doubted)
         if verdict is Verdict.COMPLETE and input_is_constant(self.train_records):
             verdict = Verdict.INSUFFICIENT_DATA
         torn = contested(ladder[-1][1], final, self.bench.threshold)

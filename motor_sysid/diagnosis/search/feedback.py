@@ -10,22 +10,29 @@ that makes of the noise what nothing before tells of, it does not.
 (Ljung, System Identification, 1999, sections 8.4 and 13.4.)
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.rung import judge, newton_step, Rung, slopes, SPOILED
-from motor_sysid.estimation.batch import coloured, FitResult, Linearization, Problem
+from motor_sysid.diagnosis.search.rung import BRIEF, judge, newton_step, Rung, slopes, SPOILED
+from motor_sysid.estimation.batch import (
+    coloured,
+    FitResult,
+    Linearization,
+    Problem,
+    Weighting,
+)
 from motor_sysid.estimation.batch.least_squares import (
     ENOUGH,
+    minimize,
     normal_equations,
     result_at,
     Solution,
 )
 from motor_sysid.estimation.batch.methods.reference import moving_references
-from motor_sysid.physics.effects import effect
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -36,42 +43,61 @@ ORDER = 40
 SAMPLES = 20
 """Samples of each stretch for each term, at least."""
 
+STEPS = 10
+"""Most steps of a fit where one alone does not lead there."""
+
 
 def unbiased(rung: Rung, bench: Bench) -> Rung:
     """Return a fit that noise which is fed back does not bias; the same in an open loop.
 
-    One step leads there from the least output error, with the derivatives that are known.  It is
-    taken where it brings at least half of what it promises, and does the held-out error no harm.
-    Standard errors stay those of the plain fit: what laws have not right counts for more behind
-    such a filter.  Where teeth strike, the cost is too rough for it.
+    One step mostly leads there from the least output error, with the derivatives that are known.
+    Where it does not bring half of what it promises, some more are taken: teeth that strike, say,
+    are far from linear.  What does the held-out error harm is not taken.  Standard errors stay
+    those of the plain fit: what laws have not right counts for more behind such a filter.
     """
-    if not _applies(rung, bench):
+    if not _applies(bench):
         return rung
-    problem = bench.problem(rung.model)
-    near, z = slopes(rung, bench), problem.vector()
+    problem, near = bench.problem(rung.model), slopes(rung, bench)
     noise = coloured([problem.settled(one, rung.result.weighting) for one in near], ORDER)
+    z, near = _one_step(problem, noise, near) or _some_steps(problem, noise, near)
+    if not near:
+        return rung
+    found = judge(_told(rung.result, problem, z, near), bench, near)
+    return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
+
+
+def _one_step(
+    problem: Problem, noise: Weighting, near: Sequence[Linearization]
+) -> tuple[Array, tuple[Linearization, ...]] | None:
+    """Return where one step leads, if it brings what it should."""
+    z = problem.vector()
     gradient, curvature, cost = normal_equations(near, noise)
     lower, upper = problem.box()
     inward = ((z > lower) | (gradient > 0.0)) & ((z < upper) | (gradient < 0.0))
     some, move = np.flatnonzero(inward), np.zeros(z.size)
     move[some] = newton_step(gradient[some], curvature[np.ix_(some, some)])
     if not np.all(np.isfinite(move)):
-        return rung
+        return None
     z = np.clip(z + _straight(move, problem), lower, upper)
     there = problem.linearize(z, parameters=False)
     near = tuple(replace(a, residual=b.residual) for a, b in zip(near, there, strict=True))
-    if not normal_equations(near, noise)[2] <= cost - ENOUGH * float(move @ gradient):
-        return rung
-    found = judge(_told(rung.result, problem, z, near), bench, near)
-    return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
+    enough = normal_equations(near, noise)[2] <= cost - ENOUGH * float(move @ gradient)
+    return (z, near) if enough else None
 
 
-def _applies(rung: Rung, bench: Bench) -> bool:
+def _some_steps(
+    problem: Problem, noise: Weighting, near: Sequence[Linearization]
+) -> tuple[Array, tuple[Linearization, ...]]:
+    """Return where a fit under a noise model leads; nothing near if that is nowhere."""
+    found = minimize(problem, noise, iterations=STEPS, tolerance=BRIEF, near=near)
+    return found.z, found.near if np.isfinite(found.cost) else ()
+
+
+def _applies(bench: Bench) -> bool:
     """Whether the data are those of a closed loop, and long enough for the noise model."""
     if bench.horizon is not None or not is_closed(bench):
         return False
-    strikes = any(effect(key).card.strikes for key in rung.model.effects)
-    return not strikes and min(map(len, _train(bench))) >= SAMPLES * ORDER
+    return min(map(len, _train(bench))) >= SAMPLES * ORDER
 
 
 def _told(

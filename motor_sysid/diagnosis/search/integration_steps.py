@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.feedback import unbiased
+from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.refit import rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.search.rung import (
     BRIEF,
@@ -154,8 +155,10 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
 
     How far they would is told by the derivatives: a change of the outputs moves the parameters as
     far as it lies along them.  What sharper signs and finer steps could still move is part of the
-    standard error, and so is noise that is correlated for long.  Some of the data tell.
+    standard error, and so are noise that is correlated for long and pits apart from one another.
+    Some of the data tell.
     """
+    rung, apart = deepest(rung, bench)
     some, weighting = replace(bench, train=some_of(bench, rung.model)), rung.result.weighting
     start = bench
     near = slopes(rung if some.train is bench.train else replace(rung, near=()), some)
@@ -186,6 +189,7 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     if not right:
         runs = [_residuals(last.model, some, n) for n in (JUDGE * FINEST, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))
+    blunt = np.hypot(blunt, apart)
     return unbiased(replace(last, result=honest(last, bench, blunt)), bench), bench
 
 

@@ -2,9 +2,12 @@
 
 The flexible shaft with a gap: motor side ``J domega/dt = ... - T_s``, load side ``J_l domega_l/dt
 = T_s`` with ``T_s = J_l (w_a^2 d + 2 z w_a c (omega - omega_l))``, where ``d`` is the part of the
-twist ``phi`` beyond the gap and ``c`` tells whether the teeth touch (0 to 1, over a thirtieth of
-the gap).  Teeth push and never pull: where damping would hold them back, ``T_s`` is zero.  With
-the effect, ``J`` is the motor side alone.
+twist ``phi`` beyond the gap and ``c`` tells whether the teeth touch.  Teeth push and never pull:
+where damping would hold them back, ``T_s`` is zero.  With the effect, ``J`` is the motor side
+alone.
+
+``c`` rises from 0 to 1 over a thirtieth of the gap, half of it before the teeth meet: the blow is
+then as strong as that of a step, but for what goes with the square of that width.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
@@ -51,9 +54,9 @@ def push(
 ) -> float:
     """Acceleration of the load by the teeth in rad/s^2."""
     beyond = phi - clip(phi, -phi_g, phi_g)
-    contact = clip(30.0 * abs(beyond) / phi_g, 0.0, 1.0)
+    contact = clip(0.5 + 30.0 * (abs(phi) / phi_g - 1.0), 0.0, 1.0)
     acceleration = w_a * w_a * beyond + 2.0 * z * w_a * contact * (omega - omega_l)
-    side = clip(1e30 * beyond, -1.0, 1.0)
+    side = clip(1e30 * phi, -1.0, 1.0)
     return 0.5 * (acceleration + side * abs(acceleration))
 
 
