@@ -10,11 +10,19 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.search import refit
-from motor_sysid.diagnosis.search.bench import Bench, make_bench, with_scales
+from motor_sysid.diagnosis.search.bench import (
+    Bench,
+    FEW_ROWS,
+    make_bench,
+    ROUGH_ROWS,
+    with_scales,
+)
+from motor_sysid.diagnosis.search.gates import NO_EVIDENCE
 from motor_sysid.diagnosis.search.integration_steps import exact
 from motor_sysid.diagnosis.search.moments import with_honest_moments
 from motor_sysid.diagnosis.search.refit import (
     best_per_effect,
+    leads_lower,
     of_a_kind,
     try_beside,
     try_effect,
@@ -138,6 +146,49 @@ def test_every_delay_is_tried_beside_a_winding_that_makes_up_for_nothing(monkeyp
     refit.try_roughly(starts, replace(level, cost=float(level.rows)), bench)
     assert begun
     assert all(inductance != quick for _, inductance in begun)
+
+
+@pytest.mark.parametrize(
+    ('much', 'above', 'followed'),
+    [(False, True, False), (True, True, True), (False, False, True)],
+)
+def test_what_begins_above_the_model_itself_is_given_up(monkeypatch, much, above, followed):
+    """Not where much is left: parameters that are far astray take more steps to come back."""
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    scores = scored(rung, bench, [effect('coulomb_friction')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    monkeypatch.setattr(refit, 'misfit', lambda fit: float(bool(fit.model.effects) is above))
+    monkeypatch.setattr(refit, 'leaves_much', lambda rung, bench: much)
+    found = refit.try_roughly(best_per_effect(scores.singles, 1)[0], level, bench)
+    assert (found.rung is not rung) is followed
+    assert (found.note == NO_EVIDENCE) is not followed
+
+
+def test_few_rows_tell_from_where_a_fit_begins(monkeypatch):
+    rows: list[int] = []
+
+    def spy(problem, *given, **named):
+        rows.append(sum(len(stretch.judged) for stretch in problem.stretches))
+        return fit(problem, *given, **named)
+
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=9.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    scores = scored(rung, bench, [effect('coulomb_friction')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    monkeypatch.setattr(refit, 'fit', spy)
+    refit.try_roughly(best_per_effect(scores.singles, 1)[0], level, bench)
+    assert min(rows) < 1.5 * FEW_ROWS < max(rows) < 1.5 * ROUGH_ROWS
+
+
+def test_only_what_ends_below_a_model_on_some_of_the_data_leads_lower():
+    bench, rung = prepared(records({}, kinds=('steps', 'triangle'), seconds=3.0),
+                           SpeedSensor.DIFFERENCE)  # fmt: skip
+    far = rung.model.with_values({'L': 50 * rung.model['L']}).with_free(['L'], free=False)
+    valley = climb(far, bench)
+    assert leads_lower(rung.model, valley, bench)
+    assert not leads_lower(rung.model, rung, bench)
+    assert not leads_lower(far, rung, bench)
 
 
 # --- what a trial comes to

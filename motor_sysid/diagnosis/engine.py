@@ -272,8 +272,8 @@ class Engine:
         possible = hopeful(trials, self.bench.threshold)
         for k, first in enumerate(possible):
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
-            fitted = climb(first.rung.model, self.bench, first.rung.result.weighting)
-            fitted, further = self.round(fitted, base, thorough=False)
+            new = climb(first.rung.model, self.bench, first.rung.result.weighting, briefly=True)
+            fitted, further = self.round(new, base, thorough=False)
             second = second_of(further, rung)
             if second is not None:
                 self.gains[first.key] = first.delta_bic

@@ -38,8 +38,8 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
     shape = np.convolve(kernel, [1.0, -1.0]) / np.sqrt(2) if differenced else kernel
     spectrum = np.abs(np.fft.rfft(shape, 512)) ** 2
     freedom = _BLOCK * np.mean(spectrum) ** 2 / np.mean(spectrum**2)
-    parts = np.array_split(left, left.size // _BLOCK)
-    power = np.array([np.mean(part**2) for part in parts])
+    edges = np.linspace(0, left.size, left.size // _BLOCK + 1).astype(int)
+    power = np.add.reduceat(left**2, edges[:-1]) / np.diff(edges)
     moving = power[power > 1e-3 * np.median(power)]
     if moving.size == 0:
         return 0.0

@@ -45,8 +45,8 @@ DUTY_ALONE = (
     '`supply_voltage [V]`, or `supply_voltage: {constant: 24}` in that file'
 )
 
-ROUGH_ROWS = 10_000
-"""Rows that a rough fit looks at."""
+ROUGH_ROWS, FEW_ROWS = 10_000, 4000
+"""Rows that a rough fit looks at, and rows that tell from where it begins best."""
 
 
 @dataclass(frozen=True)
@@ -63,8 +63,9 @@ class Bench:
         The held-out data, cut as `train` is: what decides whether an effect helps.
     train_free, held_free:
         The same data run freely, for reporting.
-    rough:
-        Some of `train`, for finding out what is worth a fit to all of it.
+    rough, few:
+        Some of `train`, for finding out what is worth a fit to all of it; and fewer, for finding
+        out from where such a fit begins best.
     records, roles:
         The stretches that are reported, each ``train`` or ``validate``, in the order of
         `train_free` then `held_free`.
@@ -99,6 +100,7 @@ class Bench:
     scales: Scales
     horizon: float | None
     rough: tuple[Chain, ...] = ()
+    few: tuple[Chain, ...] = ()
     sensors: tuple[SpeedSensor, ...] = ()
     begun: Mapping[str, float] = field(default_factory=dict)
     blunt: Mapping[str, float] = field(default_factory=dict)
@@ -295,6 +297,7 @@ def make_bench(
         scales,
         horizon,
         thinned(fitting, kind, outputs, ROUGH_ROWS),
+        thinned(fitting, kind, outputs, FEW_ROWS),
         sensors=_sensors(train, outputs),
         begun=begun,
         blunt=_widths(kind, train),

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.candidates.variants import shrunk
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import feeds, UNPHYSICAL
+from motor_sysid.diagnosis.search.gates import feeds, NO_EVIDENCE, UNPHYSICAL
 from motor_sysid.diagnosis.search.grid_starts import starts_on_grid
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
@@ -39,6 +39,9 @@ Array = NDArray[np.float64]
 ROUGH, ROUGH_STEPS, FIRST_STEPS = 1e-3, 12, 4
 """The same for a fit to some of the data, its most steps, and after how many of them the best of
 several starts is chosen."""
+
+BELOW = 0.01
+"""Fall of the log of the error variances that is more than some of the data chose by chance."""
 
 THOROUGH_STEPS, REWEIGHT = 30, 3
 """Most steps of such a fit for each noise model, and noise models, where all seems lost."""
@@ -78,8 +81,8 @@ def try_roughly(
     of what is missing for noise.  Where another
     speed sensor fits better, the evidence decides: a load that comes and goes hides much of it.
     """
-    rung = level.rung
-    least = -np.inf if leaves_much(rung, bench) else WORTH * max(one.gain for one in starts)
+    rung, much = level.rung, leaves_much(level.rung, bench)
+    least = -np.inf if much else WORTH * max(one.gain for one in starts)
     possible = [one for one in starts if one.gain >= least and not _impossible(one)]
     tried = [(one, _opened(one.variant.model, rung.model, one)) for one in possible]
     one, model = starts[0], _opened(starts[0].variant.model, rung.model, starts[0])
@@ -101,8 +104,12 @@ def try_roughly(
     if anew:
         tried.append((one, model.with_values(anew)))
 
-    def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:
-        first = rough_fit(model, rung.result.weighting, bench, FIRST_STEPS, reweight=0)
+    race = replace(bench, rough=bench.few)
+
+    def begun(
+        one: Scored, model: Model, steps: int = FIRST_STEPS
+    ) -> tuple[Scored, Model, FitResult]:
+        first = rough_fit(model, rung.result.weighting, race, steps, reweight=0)
         return one, model, first
 
     here = min((begun(one, model) for one, model in tried), key=lambda fit: misfit(fit[2]))
@@ -110,6 +117,8 @@ def try_roughly(
     others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
     beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
+    if not much and misfit(best[2]) >= misfit(begun(one, rung.model, 0)[2]):
+        return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
     least = min(trial.rung.training.error_percent for trial in found)
@@ -253,6 +262,15 @@ def rough_fit(
     chains, substeps = some_of(bench, model), min(bench.substeps, finest)
     problem = Problem(model, chains, bench.outputs, substeps=substeps, one_sided=True)
     return fit(problem, weighting, reweight=reweight, iterations=steps, tolerance=ROUGH)
+
+
+def leads_lower(begun: Model, rung: Rung, bench: Bench) -> bool:
+    """Whether a fit from `begun` to some of the data ends below where a fitted model is."""
+    there, here = (
+        misfit(rough_fit(model, rung.result.weighting, bench, steps, reweight=0))
+        for model, steps in ((begun, ROUGH_STEPS), (rung.model, 0))
+    )
+    return there < here - BELOW
 
 
 def _standing(rough: FitResult, bench: Bench) -> Rung:

@@ -29,6 +29,7 @@ from motor_sysid.diagnosis.search.ranking import (
 )
 from motor_sysid.diagnosis.search.refit import (
     best_per_effect,
+    leads_lower,
     of_a_kind,
     settled,
     STARTS,
@@ -242,7 +243,10 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
         ways += [lowest] if lowest not in ways else []
     best, least = rung, profile_cost(rung, bench, weighting)[0]
     for way in ways:
-        other = climb(_begun_where(way, rung.model), bench, weighting)
+        begun = _begun_where(way, rung.model)
+        if not leads_lower(begun, best, bench):
+            continue
+        other = climb(begun, bench, weighting)
         cost = profile_cost(other, bench, weighting)[0]
         falls = other.training.error_percent < ASTRAY * best.training.error_percent
         allowed = (1.0 + BLIND) * least if falls else least - bench.threshold

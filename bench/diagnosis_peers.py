@@ -1,0 +1,90 @@
+"""Ask the other methods about cases that the diagnosis benchmark ran without them.
+
+.venv/bin/pip install pysindy
+.venv/bin/python bench/diagnosis_peers.py bench/results/diagnosis_6700.jsonl --cases 200
+
+The records are drawn again from the seed of the results file. It is written anew after every case.
+"""
+
+import argparse
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+import json
+from pathlib import Path
+import sys
+import time
+
+from motor_sysid.benchmark import workers
+from motor_sysid.benchmark.cases import draw
+from motor_sysid.benchmark.diagnosis import offered
+from motor_sysid.benchmark.outcome import Named, Result
+from motor_sysid.benchmark.peers import PEERS
+from motor_sysid.benchmark.scenarios import named_case
+from motor_sysid.benchmark.store import ResultsFile
+
+LIMIT = 300.0
+"""Longest time for a case, s."""
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A case, its seed, and who is asked about it."""
+
+    case: str
+    seed: int
+    peers: tuple[str, ...]
+
+
+def main() -> int:
+    """Ask, and keep what they say beside what the diagnosis said."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument('results', type=Path, help='results file')
+    parser.add_argument('--cases', type=int, default=200, help='of its first ones')
+    parser.add_argument('--workers', type=int, default=1, help='processes')
+    args = parser.parse_args()
+    for peer in PEERS.values():
+        if peer.lacks:
+            parser.error(f'{peer.title}: {peer.lacks}')
+    head, results = ResultsFile.read(args.results)
+    first = list(results.values())[: args.cases]
+    tasks = [
+        Asked(one.case, int(str(head['seed'])), tuple(PEERS))
+        for one in first
+        if set(PEERS) - set(one.peers or {})
+    ]
+    for done, (task, said) in enumerate(
+        workers.each(tasks, ask, workers=args.workers, limit=LIMIT), start=1
+    ):
+        if isinstance(said, workers.Lost):
+            said = {name: Named((), said.seconds, said.reason) for name in task.peers}
+        results[task.case] = replace(results[task.case], peers=said)
+        write(args.results, head, results)
+        print(f'{done} of {len(tasks)}: {task.case}', flush=True)  # noqa: T201
+    return 0
+
+
+def ask(task: Asked) -> dict[str, Named]:
+    """Return what each peer names; one that raises names nothing and says why."""
+    scenario, number = named_case(task.case)
+    case = draw(scenario, task.seed, number)
+    answers = {}
+    for name in task.peers:
+        begun = time.perf_counter()
+        try:
+            named, why = PEERS[name].name(case.train, offered(scenario)), ''
+        except Exception as error:  # noqa: BLE001 - a peer that fails has found nothing
+            named, why = (), f'{type(error).__name__}: {error}'
+        answers[name] = Named(named, time.perf_counter() - begun, why)
+    return answers
+
+
+def write(path: Path, head: Mapping[str, object], results: Mapping[str, Result]) -> None:
+    """Replace a results file; it is whole at any time."""
+    lines = [head, *(one.as_dict() for one in results.values())]
+    fresh = path.with_suffix('.part')
+    fresh.write_text(''.join(json.dumps(line) + '\n' for line in lines), encoding='utf-8')
+    fresh.replace(path)
+
+
+if __name__ == '__main__':
+    sys.exit(main())
