@@ -160,9 +160,11 @@ def test_what_begins_above_the_model_itself_is_given_up(monkeypatch, much, above
     level = Level.of(rung, bench, scores.weighting)
     monkeypatch.setattr(refit, 'misfit', lambda fit: float(bool(fit.model.effects) is above))
     monkeypatch.setattr(refit, 'leaves_much', lambda rung, bench: much)
-    found = refit.try_roughly(best_per_effect(scores.singles, 1)[0], level, bench)
+    starts = best_per_effect(scores.singles, 1)[0]
+    found = refit.try_roughly(starts, level, bench, give_up=True)
     assert (found.rung is not rung) is followed
     assert (found.note == NO_EVIDENCE) is not followed
+    assert refit.try_roughly(starts, level, bench).rung is not rung
 
 
 def test_few_rows_tell_from_where_a_fit_begins(monkeypatch):

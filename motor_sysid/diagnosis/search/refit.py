@@ -72,14 +72,20 @@ def try_effect(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
 
 
 def try_roughly(
-    starts: Sequence[Scored], level: Level, bench: Bench, earlier: Model | None = None
+    starts: Sequence[Scored],
+    level: Level,
+    bench: Bench,
+    earlier: Model | None = None,
+    *,
+    give_up: bool = False,
 ) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all.
 
     It begins as well from an `earlier` fit of the same effects, if there is one, and from the best
     of a grid where something is missing: a touch may have evidence where a noise model takes most
-    of what is missing for noise.  Where another
-    speed sensor fits better, the evidence decides: a load that comes and goes hides much of it.
+    of what is missing for noise.  Where another speed sensor fits better, the evidence decides: a
+    load that comes and goes hides much of it.  With `give_up`, what begins above the model itself
+    is not followed, unless that leaves much.
     """
     rung, much = level.rung, leaves_much(level.rung, bench)
     least = -np.inf if much else WORTH * max(one.gain for one in starts)
@@ -117,7 +123,8 @@ def try_roughly(
     others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
     beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
-    if not much and misfit(best[2]) >= misfit(begun(one, rung.model, 0)[2]):
+    hopeful = much or not give_up
+    if not hopeful and misfit(best[2]) >= misfit(begun(one, rung.model, 0)[2]):
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]

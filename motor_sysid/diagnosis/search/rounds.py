@@ -144,7 +144,7 @@ def refitted(
 
     def roughly(starts: Sequence[Scored]) -> Trial:
         key = starts[0].variant.effect.key
-        return try_roughly(starts, level, bench, (earlier or {}).get(key))
+        return try_roughly(starts, level, bench, (earlier or {}).get(key), give_up=True)
 
     def finally_(trial: Trial) -> Trial:
         if contends(trial):
