@@ -34,7 +34,7 @@ from motor_sysid.recording.rosbag import Bag
 JOINT, DIAGNOSTICS = 'sensor_msgs/msg/JointState', 'diagnostic_msgs/msg/DiagnosticArray'
 RATE = 250
 MOTOR = {'R': 2.0, 'L': 5e-3, 'k_t': 0.05, 'J': 5e-5, 'b': 2e-5}
-LONG = 90.0
+LONG = 180.0
 """Patience for a diagnosis on a busy machine, s."""
 
 LEVELS = (60.0, -60.0, 15.0, -15.0, 100.0, 0.0, -100.0, 30.0, -5.0, 5.0)
