@@ -1,8 +1,10 @@
 """The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
 
-FILE=bench/results/diagnosis_6600.jsonl
-.venv/bin/motor-sysid benchmark diagnosis --seed 6600 --no-peers --results $FILE
+FILE=bench/results/diagnosis_6700.jsonl
+.venv/bin/motor-sysid benchmark diagnosis --seed 6700 --no-peers --results $FILE
 .venv/bin/python bench/diagnosis_rates.py $FILE --markdown docs/benchmark.md
+
+The table of the other methods is made where `bench/diagnosis_peers.py` has asked them.
 """
 
 import argparse
@@ -16,6 +18,7 @@ from motor_sysid.benchmark.store import merged
 from motor_sysid.benchmark.tables import (
     effect_table,
     leakage_table,
+    peer_table,
     rate_table,
     Table,
     time_table,
@@ -25,6 +28,7 @@ from motor_sysid.benchmark.targets import visible
 TABLES = {
     'rates': rate_table,
     'effects': effect_table,
+    'peers': peer_table,
     'times': time_table,
     'base parameters': lambda every: leakage_table([r for r in every if is_large(r)]),
 }
@@ -38,12 +42,15 @@ def main() -> int:
     parser.add_argument('--markdown', type=Path, metavar='FILE', help='page to bring up to date')
     args = parser.parse_args()
     _, results = merged(args.results)
-    for name, table in TABLES.items():
-        text = shown(table(results))
+    for name, make in TABLES.items():
+        table = make(results)
+        if not table.rows:
+            continue
         if args.markdown:
-            args.markdown.write_text(filled(args.markdown, name, text), encoding='utf-8')
+            text = filled(args.markdown, name, shown(table))
+            args.markdown.write_text(text, encoding='utf-8')
         else:
-            print(f'{text}\n')  # noqa: T201
+            print(f'{shown(table)}\n')  # noqa: T201
     return 0
 
 
