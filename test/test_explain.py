@@ -149,6 +149,15 @@ def test_an_offset_that_was_wrong_has_no_factor():
     assert 'instead of -10 mA' in one.words
 
 
+def test_what_is_nothing_with_an_effect_was_too_large_by_no_factor():
+    first, last = fitted({'L': 2e-4}), fitted({})
+    last = last.with_values({'L': last.parameters['L'].lower})
+    (one,) = wrong_parameters(step(first, 5.0), step(last, 1.0))
+    assert np.isnan(one.factor)
+    assert one.words.startswith('Without it, L (armature inductance) came out as 200 µH; with it,')
+    assert one.words.endswith('too small for these data to show.')
+
+
 def test_an_inertia_that_an_effect_shares_was_not_wrong():
     first, last = fitted({'J': 5e-5}), fitted({}).with_effect('flexible_shaft', {'w_a': 50.0})
     assert wrong_parameters(step(first, 5.0), step(last, 1.0)) == ()

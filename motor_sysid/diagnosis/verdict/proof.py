@@ -193,16 +193,16 @@ def _moved(first: Model, last: Model, name: str) -> Iterator[WrongParameter]:
     change = abs(old.value - new.value)
     if not math.isfinite(spread) or change <= CERTAIN * spread or change < WORTH * size:
         return
-    if not new.logarithmic:
-        words = (
-            f'Without it, {name} ({new.description}) came out as {with_unit(old.value, new.unit)} '
-            f'instead of {with_unit(new.value, new.unit)}.'
-        )
-        factor = math.nan
+    which, was = f'Without it, {name} ({new.description})', with_unit(old.value, new.unit)
+    factor = math.nan
+    if new.logarithmic and new.on_bound and new.value < old.value:
+        words = f'{which} came out as {was}; with it, it is too small for these data to show.'
+    elif not new.logarithmic:
+        words = f'{which} came out as {was} instead of {with_unit(new.value, new.unit)}.'
     else:
         factor = old.value / new.value
         words = (
-            f'Without it, {name} ({new.description}) was {_times(max(factor, 1 / factor))} too '
+            f'{which} was {_times(max(factor, 1 / factor))} too '
             f'{"large" if factor > 1 else "small"}: {old.value:.3g} -> {new.value:.3g} {new.unit}.'
         )
     yield WrongParameter(
