@@ -123,8 +123,7 @@ def try_roughly(
     others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
     beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
-    hopeful = much or not give_up
-    if not hopeful and misfit(best[2]) >= misfit(begun(one, rung.model, 0)[2]):
+    if give_up and not much and misfit(best[2]) >= misfit(begun(one, rung.model, 0)[2]):
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
