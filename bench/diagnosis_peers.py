@@ -1,7 +1,7 @@
 """Ask the other methods about cases that the diagnosis benchmark ran without them.
 
-.venv/bin/pip install pysindy
-.venv/bin/python bench/diagnosis_peers.py bench/results/diagnosis_6700.jsonl --cases 200
+.venv/bin/pip install 'pysindy>=2.0'
+.venv/bin/python bench/diagnosis_peers.py bench/results/diagnosis_6600.jsonl --cases 200
 
 The records are drawn again from the seed of the results file, which is written anew after every
 case.
@@ -9,31 +9,18 @@ case.
 
 import argparse
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 import json
 from pathlib import Path
 import sys
-import time
 
 from motor_sysid.benchmark import workers
 from motor_sysid.benchmark.cases import draw
-from motor_sysid.benchmark.diagnosis import offered
+from motor_sysid.benchmark.diagnosis import asked, Task, TIME_LIMIT
 from motor_sysid.benchmark.outcome import Named, Result
 from motor_sysid.benchmark.peers import PEERS
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.benchmark.store import ResultsFile
-
-LIMIT = 300.0
-"""Longest time for a case, s."""
-
-
-@dataclass(frozen=True)
-class Asked:
-    """A case, its seed, and who is asked about it."""
-
-    case: str
-    seed: int
-    peers: tuple[str, ...]
 
 
 def main() -> int:
@@ -50,12 +37,12 @@ def main() -> int:
     head, results = ResultsFile.read(args.results)
     first = list(results.values())[: args.cases]
     tasks = [
-        Asked(one.case, int(str(head['seed'])), peers)
+        Task(one.case, int(str(head['seed'])), peers)
         for one in first
         if set(peers) - set(one.peers or {})
     ]
     for done, (task, said) in enumerate(
-        workers.each(tasks, ask, workers=args.workers, limit=LIMIT), start=1
+        workers.each(tasks, ask, workers=args.workers, limit=TIME_LIMIT), start=1
     ):
         if isinstance(said, workers.Lost):
             said = {name: Named((), said.seconds, said.reason) for name in task.peers}
@@ -66,19 +53,10 @@ def main() -> int:
     return 0
 
 
-def ask(task: Asked) -> dict[str, Named]:
-    """Return what each peer names; one that raises names nothing and says why."""
+def ask(task: Task) -> Mapping[str, Named]:
+    """Return what each peer names."""
     scenario, number = named_case(task.case)
-    case = draw(scenario, task.seed, number)
-    answers = {}
-    for name in task.peers:
-        begun = time.perf_counter()
-        try:
-            named, why = PEERS[name].name(case.train, offered(scenario)), ''
-        except Exception as error:  # noqa: BLE001 - a peer that fails has found nothing
-            named, why = (), f'{type(error).__name__}: {error}'
-        answers[name] = Named(named, time.perf_counter() - begun, why)
-    return answers
+    return asked(task.peers, draw(scenario, task.seed, number))
 
 
 def write(path: Path, head: Mapping[str, object], results: Mapping[str, Result]) -> None:

@@ -1,7 +1,7 @@
 """The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
 
-FILE=bench/results/diagnosis_6700.jsonl
-.venv/bin/motor-sysid benchmark diagnosis --seed 6700 --no-peers --results $FILE
+FILE=bench/results/diagnosis_6800.jsonl
+.venv/bin/motor-sysid benchmark diagnosis --seed 6800 --no-peers --results $FILE
 .venv/bin/python bench/diagnosis_rates.py $FILE --markdown docs/benchmark.md
 
 The table of the other methods is made where `bench/diagnosis_peers.py` has asked them.

@@ -183,6 +183,24 @@ def test_few_rows_tell_from_where_a_fit_begins(monkeypatch):
     assert min(rows) < 1.5 * FEW_ROWS < max(rows) < 1.5 * ROUGH_ROWS
 
 
+def test_what_remembers_for_long_is_held_against_the_model_on_the_same_data(monkeypatch):
+    rows: dict[bool, set[int]] = {True: set(), False: set()}
+
+    def spy(problem, *given, **named):
+        count = sum(len(stretch.judged) for stretch in problem.stretches)
+        rows[bool(problem.model.effects)].add(count)
+        return fit(problem, *given, **named)
+
+    data = records({}, kinds=('steps', 'triangle'), seconds=9.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    scores = scored(rung, bench, [effect('armature_heating')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    monkeypatch.setattr(refit, 'fit', spy)
+    refit.try_roughly(best_per_effect(scores.singles, 1)[0], level, bench, give_up=True)
+    assert rows[False] == rows[True]
+    assert min(rows[True]) > 1.5 * FEW_ROWS
+
+
 def test_only_what_ends_below_a_model_on_some_of_the_data_leads_lower():
     bench, rung = prepared(records({}, kinds=('steps', 'triangle'), seconds=3.0),
                            SpeedSensor.DIFFERENCE)  # fmt: skip

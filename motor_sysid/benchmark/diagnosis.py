@@ -94,7 +94,7 @@ def one(task: Task) -> Result:
         seconds = time.perf_counter() - begun
         return replace(drawn(case), seconds=seconds, error=f'{type(error).__name__}: {error}')
     result = judged(case, found, time.perf_counter() - begun)
-    return replace(_compared(result, case, found), peers=_asked(task.peers, case))
+    return replace(_compared(result, case, found), peers=asked(task.peers, case))
 
 
 def warm_up() -> None:
@@ -123,7 +123,7 @@ def _compared(result: Result, case: Case, found: Diagnosis) -> Result:
         return replace(result, error=f'reference: {type(error).__name__}: {error}')
 
 
-def _asked(peers: tuple[str, ...], case: Case) -> Mapping[str, Named]:
+def asked(peers: tuple[str, ...], case: Case) -> Mapping[str, Named]:
     """Return what each peer names; one that raises names nothing and says why."""
     answers = {}
     for name in peers:

@@ -112,10 +112,8 @@ def try_roughly(
 
     race = replace(bench, rough=bench.few)
 
-    def begun(
-        one: Scored, model: Model, steps: int = FIRST_STEPS
-    ) -> tuple[Scored, Model, FitResult]:
-        first = rough_fit(model, rung.result.weighting, race, steps, reweight=0)
+    def begun(one: Scored, model: Model) -> tuple[Scored, Model, FitResult]:
+        first = rough_fit(model, rung.result.weighting, race, FIRST_STEPS, reweight=0)
         return one, model, first
 
     here = min((begun(one, model) for one, model in tried), key=lambda fit: misfit(fit[2]))
@@ -123,7 +121,7 @@ def try_roughly(
     others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
     beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
-    if give_up and not much and misfit(best[2]) >= misfit(begun(one, rung.model, 0)[2]):
+    if give_up and not much and _is_above(best[2], rung, race):
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
@@ -132,6 +130,13 @@ def try_roughly(
         found,
         key=lambda t: (t.passes, ASTRAY * t.rung.training.error_percent < least, t.delta_bic),
     )
+
+
+def _is_above(first: FitResult, rung: Rung, bench: Bench) -> bool:
+    """Whether a fit with an effect is no lower than the model without, on the same data."""
+    same = replace(bench, rough=some_of(bench, first.model))
+    still = rough_fit(rung.model, rung.result.weighting, same, 0, reweight=0)
+    return misfit(first) >= misfit(still)
 
 
 def _quick(model: Model, bench: Bench) -> dict[str, float]:
