@@ -35,21 +35,23 @@ def with_reference(result: Result, case: Case, diagnosis: Diagnosis) -> Result:
             model = model.with_effect(key, values)
     if any(not model.admits(catalogue()[key]) for key in unstarted):
         return result
-    fitted = fit_model(case.train, case.valid, model=model, effects=unstarted)
+    fitted = fit_model(
+        case.train, case.valid, model=model, effects=unstarted, lent=diagnosis.lent
+    )
     return replace(
         result,
         reference=fitted.validation.error_percent,
-        lacking=_lacking(case, fitted.model) if len(effects) > 1 else result.before,
+        lacking=_lacking(case, fitted.model, lent=diagnosis.lent) if len(effects) > 1 else result.before,
         reference_sigmas=effect_sigmas(case, fitted.model),
         base_reference=base_errors(case, fitted.model),
     )
 
 
-def _lacking(case: Case, model: Model) -> float:
+def _lacking(case: Case, model: Model, *, lent: bool) -> float:
     """Return the least held-out error of a true structure that lacks one of its effects."""
     return min(
         fit_model(
-            case.train, case.valid, model=model.without_effect(key)
+            case.train, case.valid, model=model.without_effect(key), lent=lent
         ).validation.error_percent
         for key in model.effects
     )

@@ -69,5 +69,7 @@ def _reference(case: ThreePhaseCase, found: Diagnosis) -> float:
     first = found.steps[0]
     if not case.effect:
         return first.validation_error_percent
-    fitted = fit_model(case.train, case.valid, model=first.model, effects=[case.effect])
+    fitted = fit_model(
+        case.train, case.valid, model=first.model, effects=[case.effect], lent=found.lent
+    )
     return fitted.validation.error_percent

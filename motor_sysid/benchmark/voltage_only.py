@@ -7,6 +7,7 @@ right nor wrong, and is right where the sensor of the speed lags, which looks th
 
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 import time
 
 from motor_sysid.benchmark.cases import Case, draw
@@ -105,8 +106,9 @@ def _judged(result: Result, case: Case, found: Diagnosis, seconds: float) -> Res
     verdict = found.verdict
     if verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS) and not named:
         verdict = Verdict.COMPLETE
-    winding = fit_model(case.train, case.valid, model=first.model, effects=[WINDING])
-    true = fit_model(case.train, case.valid, model=winding.model, effects=list(truth))
+    fitted = partial(fit_model, case.train, case.valid, lent=found.lent)
+    winding = fitted(model=first.model, effects=[WINDING])
+    true = fitted(model=winding.model, effects=list(truth))
     return replace(
         result,
         outcome=outcome(case.scenario, verdict, named, rivals - {WINDING}),

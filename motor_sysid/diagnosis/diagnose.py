@@ -8,6 +8,7 @@ import numpy as np
 from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
+from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.result.threshold import Threshold
 from motor_sysid.diagnosis.search.bench import (
@@ -51,6 +52,8 @@ def diagnose(
     ----------
     train, validation:
         Records; without validation records the last part of each training record is held back.
+        Where only held-out data show what is missing, half of them are fitted as well, and the
+        diagnosis says so.
     motor:
         Motor kind; by default the richest that the signals allow.
     model:
@@ -89,7 +92,15 @@ def diagnose(
         [one.key for one in candidates],
     )
     bench = replace(bench, threshold=threshold.delta_bic)
-    found = Engine(bench, candidates, settings, tell, nominal or {}).run(climb(model, bench))
+    nominal = nominal or {}
+    found = Engine(bench, candidates, settings, tell, nominal).run(climb(model, bench))
+    if shows_only_there(found):
+        tell('the held-out data show it more: fitting half of them, too')
+        fraction = settings.validation_fraction
+        shared = make_bench(records, held, kind, model, fraction, nominal, lent=True)
+        shared = replace(with_scales(shared, model), threshold=bench.threshold)
+        again = Engine(shared, candidates, settings, tell, nominal).run(climb(model, shared))
+        found = better_with_half_lent(found, again)
     further = beyond_training(bench.train_free, bench.held_free)
     return with_threshold(with_what_data_may_hide(found, records, further), threshold)
 

@@ -47,19 +47,23 @@ def fit_model(
     effects: Sequence[str] = (),
     method: str = 'least_squares',
     validation_fraction: float = 0.2,
+    lent: bool = False,
 ) -> Rung:
     """Fit a model, or the linear model of a motor kind with the named effects.
 
     Each effect is started from what its score proposes, so that a fit does not stay at zero.  As
     at the end of a diagnosis, steps and signs are so fine that they hardly move a parameter, and
     standard errors hold for correlated noise.  Any other `method` (key of
-    `motor_sysid.estimation.batch.METHODS`) begins where least squares end.
+    `motor_sysid.estimation.batch.METHODS`) begins where least squares end.  With `lent`, half of
+    the held-out data are fitted as well (`motor_sysid.diagnosis.lending`).
 
     Returns
     -------
     The fit, with its free-running errors on the training and held-out data.
     """
-    bench, model = bench_of(train, validation, model, motor, nominal or {}, validation_fraction)
+    bench, model = bench_of(
+        train, validation, model, motor, nominal or {}, validation_fraction, lent=lent
+    )
     rung = climb(model, bench)
     for key in effects:
         if key not in rung.model.effects:
@@ -143,6 +147,8 @@ def bench_of(
     motor: str | None,
     nominal: Mapping[str, float],
     fraction: float,
+    *,
+    lent: bool = False,
 ) -> tuple[Bench, Model]:
     """Return the data, prepared, and the model: the given one, or a fitted linear one."""
     wanted = model.motor if model else motor
@@ -150,7 +156,7 @@ def bench_of(
     wanted = told_kind([*train, *validation], wanted)
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
-    bench = make_bench(records, held, kind, model, fraction, nominal)
+    bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
     return with_scales(bench, model), model

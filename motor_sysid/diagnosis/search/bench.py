@@ -245,6 +245,8 @@ def make_bench(
     model: Model | None = None,
     fraction: float = 0.2,
     nominal: Mapping[str, float] | None = None,
+    *,
+    lent: bool = False,
 ) -> Bench:
     """Prepare the data for a motor kind.
 
@@ -256,6 +258,8 @@ def make_bench(
         A fitted model if there is one; it tells how far ahead a run may look without drifting.
     nominal:
         Data-sheet values.
+    lent:
+        Whether half of the held-out data count as training data; see `make_chain`.
 
     Raises
     ------
@@ -272,21 +276,20 @@ def make_bench(
     defaults = {p.name: p.value for p in kind.parameters}
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
     keep = 1.0 if validation else 1.0 - fraction
-    role = 'all' if validation else 'train'
+    parts = [*((record, keep) for record in train), *((record, 0.0) for record in validation)]
 
-    def chains(records: Sequence[Record], ahead: float | None, scored: str) -> tuple[Chain, ...]:
-        return tuple(
+    def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
+        made = (
             make_chain(
-                r, kind, outputs, horizon=ahead, train_fraction=keep, scored=scored
+                r, kind, outputs, horizon=ahead, train_fraction=cut, scored=scored, lent=lent
             )
-            for r in records
+            for r, cut in parts
         )
+        return tuple(chain for chain in made if chain)
 
-    fitting = chains(train, horizon, role)
-    free = fitting if horizon is None else chains(train, None, role)
-    other, part = (validation, 'all') if validation else (train, 'validate')
-    held = chains(other, horizon, part)
-    held_free = held if horizon is None else chains(other, None, part)
+    fitting, held = chains(horizon, 'train'), chains(horizon, 'validate')
+    free = fitting if horizon is None else chains(None, 'train')
+    held_free = held if horizon is None else chains(None, 'validate')
     shown = [s for chain in (*free, *held_free) for s in chain if s.scored]
     count = sum(s.scored for chain in free for s in chain)
     scales = scales_of(kind.key, {**defaults, **values}, [r.uniform() for r in train])

@@ -96,6 +96,9 @@ class Remainder:
     beyond_percent:
         The error that remains when the noise of each sensor is taken out of its own output,
         combined over outputs: one output may have all of the noise, another all of the physics.
+    held_over_training:
+        How many times larger an output's error is over held-out data than over training data,
+        where it counts as sensor noise at least.
     """
 
     floor: dict[str, float]
@@ -107,6 +110,7 @@ class Remainder:
     unevenness: float = 1.0
     drift: float = 0.0
     beyond_percent: float = np.inf
+    held_over_training: float = 1.0
 
     @property
     def swings(self) -> bool:
@@ -178,7 +182,7 @@ def examine_remainder(
     of_signal = noise_sigmas(validation.measured, differenced)
     floor = np.minimum(of_signal, noise_sigmas(validation.residuals, differenced))
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
-    error = np.sqrt(np.mean(np.concatenate(validation.residuals) ** 2, axis=0))
+    error = _rms(validation)
     noise = np.minimum(floor, error)
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
@@ -190,7 +194,14 @@ def examine_remainder(
         unevenness_of(training, held, chains, noise),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
         float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
+        float(np.max(_rms(held) / np.maximum(np.maximum(_rms(training), noise), 1e-300))),
     )
+
+
+def _rms(comparison: Comparison) -> Array:
+    """Return (n_y,) root mean squares of the residuals."""
+    rms: Array = np.sqrt(np.mean(np.concatenate(comparison.residuals) ** 2, axis=0))
+    return rms
 
 
 def _predictable(

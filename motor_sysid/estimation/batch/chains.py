@@ -1,6 +1,6 @@
 """Records cut into what is simulated in one go: stretches, and chains of them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -23,6 +23,9 @@ _START_SPANS, _NEAR, _SURELY = (21, 11, 5), 1000, 20.0
 read from; and how many times the noise the parabola may be off."""
 _WINDOW, _RUN_IN = 1500, 100
 _WORTH_THINNING = 1.5
+PIECE, _PAIRS = 500, 4
+"""Fewest samples of a piece of held-back data where every other one is lent to training, and most
+pairs of pieces of a record."""
 
 
 @dataclass(frozen=True)
@@ -98,8 +101,9 @@ def make_chain(
     horizon: float | None = None,
     train_fraction: float = 1.0,
     scored: str = 'all',
+    lent: bool = False,
 ) -> Chain:
-    """Cut a record into stretches.
+    """Cut a record into stretches; none where nothing of it counts.
 
     Parameters
     ----------
@@ -115,24 +119,44 @@ def make_chain(
     scored:
         ``all``; or ``train`` or ``validate``: the part before or after `train_fraction` counts.
         A free run is never restarted: it reaches the held-back part from the start of the record.
+    lent:
+        Whether the held-back part is cut into pieces, each run from the measured state, of which
+        every other one, the first included, counts as training data.
     """
     even = record.uniform()
     cut = round(train_fraction * len(even))
-    if horizon is None:
-        last = cut if scored == 'train' else len(even)
-        return (_stretch(even, 0, last, kind, outputs, cut if scored == 'validate' else 0),)
-    parts = [(0, cut, scored != 'validate'), (cut, len(even), scored != 'train')]
+    if horizon is None and not lent and scored != 'train' and cut < len(even):
+        return (_stretch(even, 0, len(even), kind, outputs, cut if scored == 'validate' else 0),)
+    parts = [
+        (first, last, scored in ('all', role))
+        for first, last, role in _roles(len(even), cut, lent=lent)
+    ]
+    end = max((last for _, last, counts in parts if counts), default=0)
     chain: list[Stretch] = []
     for first, last, counts in parts:
-        if last - first < 2 or (first > 0 and scored == 'train'):
-            continue
-        pieces = max(round((last - first) / max(int(horizon / even.dt), 20)), 1)
+        if last > end:
+            break
+        ahead = last - first if horizon is None else max(int(horizon / even.dt), 20)
+        pieces = max(round((last - first) / ahead), 1)
         edges = np.linspace(first, last, pieces + 1).astype(int)
         chain += [
             _stretch(even, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
             for a, b in pairwise(edges)
         ]
     return tuple(chain)
+
+
+def _roles(rows: int, cut: int, *, lent: bool) -> Iterator[tuple[int, int, str]]:
+    """Yield first and last row of the parts of a record, and whether it is for training."""
+    if cut > 1:
+        yield 0, cut, 'train'
+    if rows - cut < 2:
+        return
+    pairs = int(np.clip((rows - cut) // (2 * PIECE), 1, _PAIRS))
+    roles = ('train', 'validate') * pairs if lent else ('validate',)
+    edges = np.linspace(cut, rows, len(roles) + 1).astype(int)
+    for (first, last), role in zip(pairwise(edges), roles, strict=True):
+        yield int(first), int(last), role
 
 
 def thinned(
