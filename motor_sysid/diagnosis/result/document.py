@@ -32,6 +32,7 @@ def diagnosis_document(diagnosis: Diagnosis) -> dict[str, Json]:
         'maps_after': [map_document(m) for m in diagnosis.steps[-1].maps],
         **findings_document(diagnosis),
         'experiment': dict(diagnosis.experiment) if diagnosis.experiment else None,
+        'lent': diagnosis.lent,
         'calibration': _threshold(diagnosis.calibration),
         'reasons': list(diagnosis.reasons),
         'warnings': list(diagnosis.warnings),
