@@ -79,4 +79,4 @@ def test_a_stranger_is_not_named_for_it(small_and_large):
     found = diagnose(train, [held], effects=others)
     assert found.verdict is Verdict.UNKNOWN_EFFECT
     assert not found.lent
-    assert found.held_over_training > 3.0
+    assert found.held_alone > 3.0

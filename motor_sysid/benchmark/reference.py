@@ -35,13 +35,13 @@ def with_reference(result: Result, case: Case, diagnosis: Diagnosis) -> Result:
             model = model.with_effect(key, values)
     if any(not model.admits(catalogue()[key]) for key in unstarted):
         return result
-    fitted = fit_model(
-        case.train, case.valid, model=model, effects=unstarted, lent=diagnosis.lent
-    )
+    lent = diagnosis.lent
+    fitted = fit_model(case.train, case.valid, model=model, effects=unstarted, lent=lent)
+    several = len(effects) > 1
     return replace(
         result,
         reference=fitted.validation.error_percent,
-        lacking=_lacking(case, fitted.model, lent=diagnosis.lent) if len(effects) > 1 else result.before,
+        lacking=_lacking(case, fitted.model, lent=lent) if several else result.before,
         reference_sigmas=effect_sigmas(case, fitted.model),
         base_reference=base_errors(case, fitted.model),
     )

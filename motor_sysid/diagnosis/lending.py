@@ -1,27 +1,24 @@
 """Held-out data that are lent to training, where only they show what is missing.
 
 What acts at large currents only, or where a bridge clips, is in the data or is not: a model that
-holds over the training data and fails over the held-out ones lacks something that no fit to the
-former can find.  Every other piece of the held-out data is then fitted as well, the rest judges,
-and all gates stay as they are.
+leaves nothing to learn in the training data and fails over the held-out ones lacks something that
+no fit to the former can find.  Every other piece of the held-out data is then fitted as well, the
+rest judges, and all gates stay as they are.
 """
 
 from dataclasses import replace
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.where.remainder import ONLY_THERE
 from motor_sysid.estimation.batch.chains import PIECE
-
-ONLY_THERE = 1.3
-"""Error of an output over the held-out data, in units of that over the training data, from which
-on what is missing shows more in the former."""
 
 
 def shows_only_there(found: Diagnosis) -> bool:
-    """Whether something unknown is missing that held-out data show more than training data."""
+    """Whether something unknown is missing that held-out data show and training data do not."""
     pairs = zip(found.records, found.roles, strict=True)
     held = sum(len(record) for record, role in pairs if role == 'validate')
-    unknown = found.verdict is Verdict.UNKNOWN_EFFECT and held > 2 * PIECE
-    return unknown and found.held_over_training > ONLY_THERE
+    unknown = found.verdict is Verdict.UNKNOWN_EFFECT
+    return unknown and found.held_alone > ONLY_THERE and held > 2 * PIECE
 
 
 def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
@@ -33,9 +30,9 @@ def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
         return found
     said = (
         'The training data do not show it: what the model leaves is '
-        f'{found.held_over_training:.2g} times as large over the held-out data. So every other '
-        'piece of these was fitted as well, and held-out errors are those over the rest. To do: '
-        'train on such data, too',
+        f'{found.held_alone:.2g} times as large over the held-out data. So every other piece of '
+        'these was fitted as well, and held-out errors are those over the rest. To do: train on '
+        'such data, too'
     )
     verdict, *others = again.reasons
-    return replace(again, lent=True, reasons=(verdict, *said, *others))
+    return replace(again, lent=True, reasons=(verdict, said, *others))

@@ -149,8 +149,9 @@ class Diagnosis:
         Effects that the data cannot tell apart.
     calibration:
         What was asked of evidence, and where that figure comes from; None if nobody asked.
-    held_over_training:
-        How many times larger the last model's error is over held-out data than over training data.
+    held_alone:
+        How many times larger the last model's error is over held-out data than over training data,
+        if the latter show nothing that is missing; else 1.
     lent:
         Whether half of the held-out data were fitted as well; see `motor_sysid.diagnosis.lending`.
     """
@@ -172,7 +173,7 @@ class Diagnosis:
     blind_spots: tuple[BlindSpot, ...] = ()
     rivalries: tuple[Rivalry, ...] = ()
     calibration: Threshold | None = None
-    held_over_training: float = 1.0
+    held_alone: float = 1.0
     lent: bool = False
 
     @property

@@ -44,7 +44,7 @@ def explained(
     clear = verdict is Verdict.EFFECT_MISSING
     full = replace(
         diagnosis,
-        held_over_training=left.held_over_training,
+        held_alone=left.held_alone,
         unknown=_unknown(diagnosis, ladder[-1], left),
         evidence=evidence_of(ladder, diagnosis.records, left.floor_percent, nominal)
         if named

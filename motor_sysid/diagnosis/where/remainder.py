@@ -29,6 +29,8 @@ from motor_sysid.estimation.batch.methods.reference import led_by_reference
 from motor_sysid.signals.noise import noise_sigmas
 
 Array = NDArray[np.float64]
+Samples = tuple[Array, Array]
+"""Features (K, f) and targets (K, n_y)."""
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
 """Delays of what is looked at, samples."""
@@ -65,6 +67,10 @@ LARGE, LARGE_PERCENT = 4.0, 10.0
 """Remaining error over sensor noise, and in percent of the signal, above which something is
 missing even if nothing predicts it: what disturbs a motor that much is part of its model."""
 
+ONLY_THERE = 1.3
+"""Error of an output over the held-out data, in units of that over the training data, from which
+on what is missing shows in the former, if the motion predicts none of the latter."""
+
 TRIFLE_PERCENT = 1.0
 """Size of what is predictable, in percent of the signal, below which a model is good enough."""
 
@@ -96,9 +102,10 @@ class Remainder:
     beyond_percent:
         The error that remains when the noise of each sensor is taken out of its own output,
         combined over outputs: one output may have all of the noise, another all of the physics.
-    held_over_training:
-        How many times larger an output's error is over held-out data than over training data,
-        where it counts as sensor noise at least.
+    held_alone:
+        How many times larger an output's error is over held-out data than over training data
+        (where it counts as sensor noise at least), if the motion predicts none of the latter: then
+        the training data do not show what is missing.  Else 1.
     """
 
     floor: dict[str, float]
@@ -110,7 +117,7 @@ class Remainder:
     unevenness: float = 1.0
     drift: float = 0.0
     beyond_percent: float = np.inf
-    held_over_training: float = 1.0
+    held_alone: float = 1.0
 
     @property
     def swings(self) -> bool:
@@ -184,17 +191,18 @@ def examine_remainder(
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
     error = _rms(validation)
     noise = np.minimum(floor, error)
+    data = _regressions(training, held, chains, orders)
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
         float(100 * np.sqrt(np.mean((noise / size) ** 2))),
         validation.error_percent,
         float(np.max(error / np.maximum(noise, 1e-300))),
-        _predictable(training, held, chains, orders),
+        _predictable(*data) if data else 1.0,
         swing_of(training, held, chains),
         unevenness_of(training, held, chains, noise),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
         float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
-        float(np.max(_rms(held) / np.maximum(np.maximum(_rms(training), noise), 1e-300))),
+        _held_alone(_rms(training), _rms(held), noise, data),
     )
 
 
@@ -204,21 +212,39 @@ def _rms(comparison: Comparison) -> Array:
     return rms
 
 
-def _predictable(
+def _held_alone(
+    training: Array, held: Array, noise: Array, data: tuple[Samples, Samples] | None
+) -> float:
+    """Return `Remainder.held_alone` from the (n_y,) errors and the noise."""
+    ratio = float(np.max(held / np.maximum(np.maximum(training, noise), 1e-300)))
+    alone = ratio > ONLY_THERE and data is not None and _cross_validated(*data[0]) < STRUCTURE
+    return ratio if alone else 1.0
+
+
+def _regressions(
     training: Comparison,
     held: Comparison,
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     orders: Sequence[int],
-) -> float:
+) -> tuple[Samples, Samples] | None:
+    """Return features and residuals of training and held-out data; None if too short to tell.
+
+    What is beyond the noise is not to be called noise then.
+    """
     stride = max(sum(len(r) for r in training.residuals) // _ROWS, 1)
     x, y = _regression(training, chains[0], orders, stride)
     xv, yv = _regression(held, chains[1], orders, stride)
     if len(x) < 4 * x.shape[1] or len(xv) < 20:
-        return 1.0  # too short to tell: what is beyond the noise is not to be called noise
+        return None
     middle, spread = x.mean(axis=0), x.std(axis=0)
     moves = spread > STILL * np.max(spread)
     middle, spread = middle[moves], spread[moves]
     x, xv = (x[:, moves] - middle) / spread, (xv[:, moves] - middle) / spread
+    return (x, y), (xv, yv)
+
+
+def _predictable(training: Samples, held: Samples) -> float:
+    (x, y), (xv, yv) = training, held
     gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
     offset = y.mean(axis=0)
     guess = offset + xv @ np.linalg.solve(gram, x.T @ (y - offset))
@@ -246,7 +272,7 @@ def _cross_validated(x: Array, y: Array) -> float:
 
 def _regression(
     comparison: Comparison, chains: Sequence[Chain], orders: Sequence[int], stride: int
-) -> tuple[Array, Array]:
+) -> Samples:
     """Return features of the simulated motion (K, f) and residuals (K, n_y).
 
     Of long records only every `stride`-th row is taken.
