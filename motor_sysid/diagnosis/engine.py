@@ -21,6 +21,7 @@ from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
     may_rival,
+    rivals_left,
     rivals_of,
     winner_of,
 )
@@ -333,11 +334,9 @@ class Engine:
         scored = (one for _, scores in self.seen.values() for one in scores.singles)
         ladder = retold(ladder, self.bench, self.weighting(ladder[-1][0]), scored)
         final = ladder[-1][0]
-        rivals = {
-            key: tuple(r for r in names if r not in final.model.effects)
-            for key, names in rivals.items()
-            if key in final.model.effects
-        }
+        units = self.train_records[0].units
+        noise = {units[name]: sigma for name, sigma in left.floor.items()}
+        rivals = rivals_left(rivals, final.model, noise)
         verdict = verdict_of(ladder, left, rivals, self.accounted(ladder), doubted)
         if verdict is Verdict.COMPLETE and input_is_constant(self.train_records):
             verdict = Verdict.INSUFFICIENT_DATA

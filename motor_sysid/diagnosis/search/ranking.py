@@ -16,6 +16,7 @@ from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.synonyms import is_other_name
 from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
 
 RIVAL_BIC = 10.0
 RIVAL_SHARE = 0.02
@@ -102,6 +103,36 @@ def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, 
     if _is_lost(winner):
         return tuple(t.key for t in equals)
     return tuple(t.key for t in equals if alike(compared(base, winner.rung, t.rung)))
+
+
+def rivals_left(
+    rivals: Mapping[str, Sequence[str]], model: Model, noise: Mapping[str, float]
+) -> dict[str, tuple[str, ...]]:
+    """Return the rivals that the effects of the last model have, none of which it has.
+
+    Where what a law adds to a special case is too small to be seen, that is one: a dead time whose
+    ripple of current is on its lower bound, or below the `noise` of the sensor (unit to standard
+    deviation), may as well be brushes.
+    """
+    found = {key: (*rivals.get(key, ()), *_unseen(model, key, noise)) for key in model.effects}
+    return {
+        key: tuple(r for r in dict.fromkeys(names) if r not in model.effects)
+        for key, names in found.items()
+        if key in rivals or names
+    }
+
+
+def _unseen(model: Model, key: str, noise: Mapping[str, float]) -> list[str]:
+    """Return the special cases from which an effect differs by shapes that are not seen."""
+    card, found = effect(key).card, []
+    for special, pairs in card.generalises.items():
+        shared = {mine for mine, _ in pairs}
+        names = [f'{key}.{shape.name}' for shape in card.shapes if shape.name not in shared]
+        own = [p for p in map(model.parameters.__getitem__, names) if p.free]
+        small = [p.value <= max(LOWEST * p.lower, noise.get(p.unit, 0.0)) for p in own]
+        if small and all(small) and model.admits(effect(special)):
+            found.append(special)
+    return found
 
 
 def _is_lost(trial: Trial) -> bool:
