@@ -57,6 +57,7 @@ def judged(case: Case, diagnosis: Diagnosis, seconds: float) -> Result:
         base_before=base_errors(case, first.model),
         base_after=base_errors(case, last.model),
         seconds=seconds,
+        lent=diagnosis.lent,
     )
 
 

@@ -89,6 +89,8 @@ class Result:
         Peer to what it named.
     seconds:
         Time of the diagnosis.
+    lent:
+        Whether half of the held-out data were fitted as well.
     error:
         What went wrong.
     """
@@ -122,6 +124,7 @@ class Result:
     base_reference: Mapping[str, float] | None = None
     peers: Mapping[str, Named] | None = None
     seconds: float = 0.0
+    lent: bool = False
     error: str = ''
 
     @property
@@ -144,7 +147,7 @@ class Result:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, object]) -> 'Result':
-        """Read what `as_dict` gave, before or after JSON.
+        """Read what `as_dict` gave, before or after JSON; older files do not tell what was `lent`.
 
         Raises
         ------
@@ -152,7 +155,7 @@ class Result:
             If it is something else.
         """
         known = {f.name for f in fields(cls)}
-        if set(document) != known:
+        if set(document) | {'lent'} != known:
             raise ValueError(f'fields differ: {sorted(known ^ set(document))}')
         values = {k: tuple(v) if isinstance(v, list) else v for k, v in document.items()}
         values['outcome'] = Outcome[str(document['outcome']).upper()]

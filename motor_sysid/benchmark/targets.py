@@ -75,6 +75,8 @@ def rates(results: Sequence[Result]) -> list[Rate]:
         *_numbers(results),
         Rate('any case: it raised, crashed or ran out of time',
              _share(results, lambda r: r.outcome is Outcome.FAILED)),
+        Rate('any case: half of the held-out data were fitted as well',
+             _share(results, lambda r: r.lent)),
     ]  # fmt: skip
 
 

@@ -61,6 +61,7 @@ def _judged(result: Result, case: ThreePhaseCase, found: Diagnosis, seconds: flo
         evidence=first.candidates[0].delta_bic if first.candidates else 0.0,
         reference=_reference(case, found),
         seconds=seconds,
+        lent=found.lent,
     )
 
 

@@ -122,6 +122,7 @@ def _judged(result: Result, case: Case, found: Diagnosis, seconds: float) -> Res
         floor=found.noise_floor_percent,
         evidence=first.candidates[0].delta_bic if first.candidates else 0.0,
         seconds=seconds,
+        lent=found.lent,
     )
 
 

@@ -131,6 +131,7 @@ def _overlap(found: Compared) -> float:
     return float(np.clip(1 - apart / max(whole, 1e-300), 0.0, 1.0))
 
 
+@np.errstate(over='ignore', invalid='ignore', divide='ignore')  # teeth without a gap strike hard
 def _regime(one: Model, two: Model, records: Sequence[Record]) -> str:
     """Return the motion along which the two models ask for the most different forces."""
     moments = [_thinned(measured_states(one, r.uniform()), len(records)) for r in records]
@@ -139,8 +140,9 @@ def _regime(one: Model, two: Model, records: Sequence[Record]) -> str:
         words: _apart(one, two, [change(s) for s in moments])
         for words, change in _MOTIONS.items()
     }
-    words, most = max(there.items(), key=lambda item: item[1])
-    return words if np.isfinite(most) and most > FURTHER * here and most > 0 else ''
+    known = {words: apart for words, apart in there.items() if np.isfinite(apart)}
+    words, most = max(known.items(), key=lambda item: item[1], default=('', 0.0))
+    return words if most > FURTHER * here and most > 0 else ''
 
 
 def _thinned(states: Mapping[str, Array], records: int) -> States:

@@ -258,6 +258,7 @@ def _weighed(one: Linearization, weighting: Weighting) -> Array:
     return weighting.removed(both, one.start)
 
 
+@np.errstate(over='ignore', invalid='ignore')  # what overflows has an infinite cost
 def _summed(parts: Sequence[Array], size: int) -> tuple[Array, Array, float]:
     """Return gradient (d,), curvature (d, d) and sum of squares of weighed stretches."""
     total = np.zeros((size + 1, size + 1))

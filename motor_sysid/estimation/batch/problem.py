@@ -163,6 +163,7 @@ class Problem:
             ]
         return results
 
+    @np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
     def linearize(self, z: Array, *, parameters: bool = True) -> list[Linearization]:
         """Return residuals and derivatives of each scored stretch at one vector.
 
