@@ -1,11 +1,16 @@
 """Held-out data that alone show what is missing are fitted by half; the rest judges."""
 
+from dataclasses import replace
+
 from bench_motor import a_motor, DT, measure, voltage_profile
+from fake_diagnosis import build_diagnosis
 import numpy as np
 import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
+from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
+from motor_sysid.diagnosis.result.findings import Unknown
 from motor_sysid.estimation.batch.chains import make_chain, PIECE
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record
@@ -46,19 +51,23 @@ def test_every_sample_counts_once(rows, fraction, horizon):
     assert turns == min(max((rows - cut) // (2 * PIECE), 1), 4) * (cut < rows)
 
 
-@pytest.fixture(scope='module')
-def small_and_large():
-    """Two records of small currents, and one of large ones, at which iron saturates."""
-    rng, model = np.random.default_rng(5), a_motor(SATURATION)
-    quiet = [0.3 * voltage_profile(kind, 6.0, rng) for kind in ('triangle', 'sines')]
-    *train, held = (
-        measure(model, volts, rng) for volts in (*quiet, voltage_profile('steps', 12.0, rng))
-    )
+def small_and_large(hidden, share=0.3):
+    """Return two records of small currents, and one of large ones."""
+    rng, model = np.random.default_rng(5), a_motor(hidden)
+    quiet = [share * voltage_profile(kind, 6.0, rng) for kind in ('triangle', 'sines')]
+    loud = voltage_profile('steps', 12.0, rng)
+    *train, held = (measure(model, volts, rng) for volts in (*quiet, loud))
     return train, held
 
 
-def test_what_only_held_out_data_show_is_named_and_it_is_said_how(small_and_large):
-    train, held = small_and_large
+@pytest.fixture(scope='module')
+def saturated():
+    """Return such records of a motor whose iron saturates at large currents."""
+    return small_and_large(SATURATION)
+
+
+def test_what_only_held_out_data_show_is_named_and_it_is_said_how(saturated):
+    train, held = saturated
     found = diagnose(train, [held])
     assert found.effects == tuple(SATURATION)
     assert found.lent
@@ -72,11 +81,75 @@ def test_what_only_held_out_data_show_is_named_and_it_is_said_how(small_and_larg
     )
 
 
-def test_a_stranger_is_not_named_for_it(small_and_large):
+@pytest.mark.parametrize('share', [0.06, pytest.param(0.25, marks=pytest.mark.slow)])
+def test_what_only_held_out_data_show_is_named_beside_what_all_show(share):
+    """A little of it is left beside friction; much of it is named but not known without them."""
+    hidden = {
+        'coulomb_friction': {'tau_c': 6e-3},
+        'torque_constant_saturation': {'a': share, 'i_k': 2.0},
+    }
+    train, held = small_and_large(hidden, share=0.5)
+    found = diagnose(train, [held])
+    assert set(found.effects) == set(hidden)
+    assert found.lent
+    assert 'do not show all of it' in found.reasons[1]
+    assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent
+
+
+def test_a_stranger_is_not_named_for_it(saturated):
     """The gates are the same as ever: the true effect taken out of the catalogue stays unknown."""
-    train, held = small_and_large
+    train, held = saturated
     others = ['coulomb_friction', 'quadratic_drag', 'input_delay', 'gravity_load']
     found = diagnose(train, [held], effects=others)
     assert found.verdict is Verdict.UNKNOWN_EFFECT
     assert not found.lent
     assert found.held_alone > 3.0
+
+
+@pytest.fixture(scope='module')
+def named():
+    """Return a diagnosis that names two effects, with enough held-out data."""
+    made = build_diagnosis()
+    assert made.effects == ('coulomb_friction', 'cogging_torque')
+    return replace(made, unknown=(), held_alone=1.0, reasons=('verdict', 'evidence'))
+
+
+LEFT = (Unknown('torque', 'unexplained torque', 'N m', 0.1, 0.01, '', 0.0, '', 0.0, '', ()),)
+
+
+@pytest.mark.parametrize(
+    ('change', 'asked'),
+    [
+        ({'held_alone': 5.0}, False),
+        ({'unknown': LEFT}, False),
+        ({'unknown': LEFT, 'held_alone': 5.0}, True),
+        ({'verdict': Verdict.UNKNOWN_EFFECT, 'effects': (), 'held_alone': 5.0}, True),
+        ({'verdict': Verdict.COMPLETE, 'effects': (), 'held_alone': 5.0}, False),
+    ],
+)
+def test_half_is_lent_where_something_is_left_that_only_held_out_data_show(named, change, asked):
+    assert shows_only_there(replace(named, **change)) is asked
+
+
+def test_a_few_held_out_samples_are_not_shared(named):
+    found = replace(named, unknown=LEFT, held_alone=5.0)
+    few = tuple(r.slice(0, PIECE) for r in found.records)
+    assert not shows_only_there(replace(found, records=few))
+
+
+def test_what_was_named_is_given_up_for_more_only_or_for_the_same_and_nothing_unknown(named):
+    found = replace(named, unknown=LEFT, held_alone=5.0)
+    more = replace(named, effects=(*named.effects, 'quadratic_drag'))
+    better = better_with_half_lent(found, more)
+    assert better.lent
+    assert better.effects == more.effects
+    assert better.reasons[0] == 'verdict'
+    assert '5 times as large' in better.reasons[1]
+    assert better.reasons[2:] == ('evidence',)
+    assert better_with_half_lent(found, named).lent
+    others = (
+        replace(named, unknown=LEFT),
+        replace(named, effects=('coulomb_friction', 'quadratic_drag')),
+        replace(named, effects=(), verdict=Verdict.UNKNOWN_EFFECT),
+    )
+    assert all(better_with_half_lent(found, other) is found for other in others)
