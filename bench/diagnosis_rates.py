@@ -1,10 +1,12 @@
 """The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
 
-FILE=bench/results/diagnosis_6800.jsonl
-.venv/bin/motor-sysid benchmark diagnosis --seed 6800 --no-peers --results $FILE
-.venv/bin/python bench/diagnosis_rates.py $FILE --markdown docs/benchmark.md
+FILE=bench/results/present_6900.jsonl
+.venv/bin/motor-sysid benchmark diagnosis --seed 6900 --no-peers --results $FILE
+.venv/bin/python bench/diagnosis_rates.py $FILE --prefix 'present ' --markdown docs/benchmark.md
 
-The table of the other methods is made where `bench/diagnosis_peers.py` has asked them.
+The page holds the tables of a long run of an earlier state of the program, and between marks that
+begin with `present` some of a shorter one of the present state.  The table of the other methods is
+made where `bench/diagnosis_peers.py` has asked them.
 """
 
 import argparse
@@ -40,16 +42,18 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('results', nargs='+', type=Path, help='results files')
     parser.add_argument('--markdown', type=Path, metavar='FILE', help='page to bring up to date')
+    parser.add_argument('--prefix', default='', help='what the marks of the tables begin with')
     args = parser.parse_args()
     _, results = merged(args.results)
     for name, make in TABLES.items():
         table = make(results)
         if not table.rows:
             continue
-        if args.markdown:
-            text = filled(args.markdown, name, shown(table))
+        mark = f'{args.prefix}{name}'
+        if args.markdown and f'<!-- {mark} -->' in args.markdown.read_text(encoding='utf-8'):
+            text = filled(args.markdown, mark, shown(table))
             args.markdown.write_text(text, encoding='utf-8')
-        else:
+        elif not args.markdown:
             print(f'{shown(table)}\n')  # noqa: T201
     return 0
 

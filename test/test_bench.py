@@ -17,11 +17,13 @@ def run(name, *arguments):
 
 
 def test_the_page_tells_what_the_results_say(tmp_path):
-    page, files = ROOT / 'docs' / 'benchmark.md', sorted(RESULTS.glob('diagnosis_*.jsonl'))
-    copy = tmp_path / 'page.md'
+    page, copy = ROOT / 'docs' / 'benchmark.md', tmp_path / 'page.md'
     copy.write_text(page.read_text(encoding='utf-8'), encoding='utf-8')
-    done = run('diagnosis_rates.py', *files, '--markdown', copy)
-    assert done.returncode == 0, done.stderr
+    for begins, prefix in (('diagnosis', ''), ('present', 'present ')):
+        files = sorted(RESULTS.glob(f'{begins}_*.jsonl'))
+        assert files
+        done = run('diagnosis_rates.py', *files, '--markdown', copy, '--prefix', prefix)
+        assert done.returncode == 0, done.stderr
     assert copy.read_text(encoding='utf-8') == page.read_text(encoding='utf-8')
 
 
