@@ -4,6 +4,7 @@ from collections.abc import Iterator
 import json
 import os
 from pathlib import Path
+import resource
 import signal
 import subprocess
 import sys
@@ -77,6 +78,18 @@ def test_bad_arguments_end_with_code_2_and_a_reason(
         node.kill()
 
 
+def test_an_empty_list_is_no_effects(other: Node) -> None:
+    """ROS gives ``[]`` no type."""
+    given = {'motor': parameters(hidden_effects='[]'), 'identifier': parameters(effects='[]')}
+    with nodes(**given) as running:
+        for node in running.values():
+            assert node.end() == 0, node.output()
+    wrong = NodeProcess('pid', parameters(kp='[]'))
+    assert wrong.process.wait(40) == 2
+    assert "`kp` = [''] is a list; it must be a float" in wrong.output()
+    wrong.kill()
+
+
 def test_config_files_start_their_nodes(repository: Path, tmp_path: Path) -> None:
     given = {n: ['--params-file', str(repository / 'config' / f'{n}.yaml')] for n in NAMES}
     given['recorder'] += parameters(path=tmp_path / 'bag')
@@ -125,6 +138,17 @@ def test_a_bag_can_be_read_after_its_recorder_was_killed(storage: str, tmp_path:
     record = load(tmp_path / 'bag').records[0]
     assert len(record) > 100
     assert record.dt == pytest.approx(0.005)
+
+
+def test_a_full_disk_ends_the_recorder_with_one_line(tmp_path: Path) -> None:
+    recorder = parameters(path=tmp_path / 'bag')
+    with nodes(motor=LOOP['motor'], recorder=recorder) as running:
+        wait_for(lambda: len(read_speed(tmp_path / 'bag')) > 120, 'a flushed second')
+        node = running['recorder']
+        resource.prlimit(node.process.pid, resource.RLIMIT_FSIZE, (2**15, 2**15))
+        assert node.process.wait(40) == 2, node.output()
+        assert node.output().count('[FATAL]') == node.output().count('disk I/O error') == 1
+        assert 'Traceback' not in node.output()
 
 
 def read_speed(path: Path) -> list[bytes]:

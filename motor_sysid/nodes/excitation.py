@@ -107,10 +107,7 @@ class ExcitationNode(LoopNode):
     def __init__(
         self, context: Context | None = None, overrides: Sequence[Parameter] = ()
     ) -> None:
-        super().__init__(
-            'excitation', context=context, parameter_overrides=list(overrides),
-            automatically_declare_parameters_from_overrides=True,
-        )  # fmt: skip
+        super().__init__('excitation', context, overrides)
         self.settings = Settings(self, ExcitationSettings)
         s = self.settings.value
         self.period = 1 / s.rate

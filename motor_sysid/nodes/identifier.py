@@ -79,10 +79,7 @@ class IdentifierNode(LoopNode):
     def __init__(
         self, context: Context | None = None, overrides: Sequence[Parameter] = ()
     ) -> None:
-        super().__init__(
-            'identifier', context=context, parameter_overrides=list(overrides),
-            automatically_declare_parameters_from_overrides=True,
-        )  # fmt: skip
+        super().__init__('identifier', context, overrides)
         self.settings = Settings(self, IdentifierSettings)
         s = self.settings.value
         self.period = s.drain_period

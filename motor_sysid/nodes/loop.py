@@ -7,12 +7,15 @@ import signal
 import sys
 import time
 from types import FrameType
+from typing import Any
 
 import rclpy
+from rclpy.context import Context
 from rclpy.exceptions import InvalidParameterException
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.logging import get_logger
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from rclpy.utilities import remove_ros_args, try_shutdown
 
@@ -29,12 +32,36 @@ class LoopNode(Node, ABC):
 
     A callback of an executor costs 0.1 to 0.5 ms, whatever it does.  Here messages are taken in
     batches by `step`, which the loop calls every `period` seconds of wall time.
+
+    Parameters
+    ----------
+    name:
+        Of the node.
+    context:
+        Default: the global one.
+    overrides:
+        Parameters, beside those of the command line.
     """
 
     period: float = 0.005
 
     hurry: bool = False
     """Whether work waits, so that the next step is due at once."""
+
+    def __init__(
+        self, name: str, context: Context | None = None, overrides: Sequence[Parameter] = ()
+    ) -> None:
+        super().__init__(
+            name, context=context, parameter_overrides=list(overrides),
+            automatically_declare_parameters_from_overrides=True,
+        )  # fmt: skip
+
+    def declare_parameters(
+        self, namespace: str, parameters: Sequence[tuple[Any, ...]], ignore_override: bool = False
+    ) -> list[Parameter]:
+        """Declare; ``[]`` has no type in ROS and arrives as no value: it is the empty list."""
+        given = [(n, [''] if value is None else value, *rest) for n, value, *rest in parameters]
+        return super().declare_parameters(namespace, given, ignore_override)
 
     @abstractmethod
     def step(self) -> None:
@@ -124,17 +151,25 @@ def main(make: Callable[[], LoopNode], args: Sequence[str] | None = None) -> int
     loop = Loop(node)
     gc.collect()
     gc.freeze()
+    wrong: set[str] = set()
     try:
-        loop.run(lambda: stop.asked)
-    except UserError as error:
-        node.get_logger().fatal(str(error))
-        return 2
+        _attempt(lambda: loop.run(lambda: stop.asked), node, wrong)
     finally:
-        node.close()
+        _attempt(node.close, node, wrong)
         loop.shutdown()
         node.destroy_node()
         try_shutdown()
-    return 0
+    return 2 if wrong else 0
+
+
+def _attempt(work: Callable[[], object], node: LoopNode, wrong: set[str]) -> None:
+    """Do it; what goes wrong is logged once, however often it is met."""
+    try:
+        work()
+    except UserError as error:
+        if str(error) not in wrong:
+            node.get_logger().fatal(str(error))
+        wrong.add(str(error))
 
 
 def _program() -> str:

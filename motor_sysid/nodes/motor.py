@@ -32,10 +32,7 @@ class MotorNode(LoopNode):
     def __init__(
         self, context: Context | None = None, overrides: Sequence[Parameter] = ()
     ) -> None:
-        super().__init__(
-            'motor', context=context, parameter_overrides=list(overrides),
-            automatically_declare_parameters_from_overrides=True,
-        )  # fmt: skip
+        super().__init__('motor', context, overrides)
         self.settings = Settings(self, MotorSettings)
         s = self.settings.value
         self.period = 1 / s.rate

@@ -89,10 +89,7 @@ class PidNode(LoopNode):
     def __init__(
         self, context: Context | None = None, overrides: Sequence[Parameter] = ()
     ) -> None:
-        super().__init__(
-            'pid', context=context, parameter_overrides=list(overrides),
-            automatically_declare_parameters_from_overrides=True,
-        )  # fmt: skip
+        super().__init__('pid', context, overrides)
         self.settings = Settings(self, PidSettings)
         self._pid = Pid(self.settings.value.gains())
         self._profile = self.settings.value.make_profile()

@@ -49,10 +49,7 @@ class RecorderNode(LoopNode):
     def __init__(
         self, context: Context | None = None, overrides: Sequence[Parameter] = ()
     ) -> None:
-        super().__init__(
-            'recorder', context=context, parameter_overrides=list(overrides),
-            automatically_declare_parameters_from_overrides=True,
-        )  # fmt: skip
+        super().__init__('recorder', context, overrides)
         self.settings = Settings(self, RecorderSettings)
         s = self.settings.value
         self.period = s.drain_period
@@ -82,9 +79,11 @@ class RecorderNode(LoopNode):
 
     def close(self) -> None:
         """Write what has come up to now and close the bag."""
-        for topic in self._topics.values():
-            self._write(topic)
-        self._bag.close()
+        try:
+            for topic in self._topics.values():
+                self._write(topic)
+        finally:
+            self._bag.close()
         self.get_logger().info(
             f'{self._bag.written} messages on {len(self._topics)} topics, {self._lost()} lost: '
             f'{self._path}'
