@@ -1,6 +1,8 @@
 """The verb report: from a saved report, and from a model and data."""
 
+from dataclasses import replace
 import json
+import os
 from pathlib import Path
 
 from fake_diagnosis import build_diagnosis
@@ -10,6 +12,8 @@ import pytest
 from motor_sysid.cli import main
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import save_model
+from motor_sysid.signals.record import Provenance
+from motor_sysid.workbench.report import write_report
 from motor_sysid.workbench.schema import SCHEMA
 from motor_sysid.workbench.view import build_view, save_view
 
@@ -23,6 +27,14 @@ def test_a_saved_report_becomes_the_page_again(saved: Path, tmp_path: Path) -> N
     page = tmp_path / 'page.html'
     assert main(['report', str(saved), '-o', str(page)]) == 0
     assert 'Missing: Coulomb friction and cogging torque' in page.read_text(encoding='utf-8')
+
+
+def test_a_file_name_that_is_no_unicode_does_not_matter(tmp_path: Path) -> None:
+    found = build_diagnosis(2.0)
+    source = Provenance(os.fsdecode(b'bags/mesure_\xe9.csv'))
+    records = tuple(replace(record, provenance=source) for record in found.records)
+    page = write_report(replace(found, records=records), tmp_path / 'page.html')
+    assert 'mesure_' in page.read_text(encoding='utf-8')
 
 
 def test_a_model_and_data_make_a_report(tmp_path: Path) -> None:
@@ -51,6 +63,8 @@ def test_what_makes_no_report_is_said_in_one_line(
         'alone makes no report': ['report', str(tmp_path / 'model.yaml')],
         'has schema': ['report', str(other)],
         'cannot read': ['report', str(tmp_path / 'absent.json')],
+        '--validate has no effect': ['report', str(saved), '--validate', 'next.csv'],
+        '--msg-config has no effect': ['report', str(saved), '--msg-config', 'default'],
         'cannot write': ['report', str(saved), '-o', str(nowhere / 'page.html')],
     }
     for words, call in calls.items():

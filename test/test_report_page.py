@@ -12,6 +12,7 @@ import fake_variants
 import numpy as np
 import pytest
 
+from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.workbench.report import write_report, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view
@@ -21,15 +22,20 @@ if TYPE_CHECKING:
 
 pytest.importorskip('playwright.sync_api')
 
-SIZES = ((1600, 1000), (1280, 800), (820, 1180))
+SIZES = ((1600, 1000), (1280, 800), (820, 1180), (390, 844), (320, 640))
 VARIANTS = (
     'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
 )  # fmt: skip
 
 
 @pytest.fixture(scope='module')
-def view() -> View:
-    return build_view(build_diagnosis(20.0))
+def diagnosis() -> Diagnosis:
+    return build_diagnosis(20.0)
+
+
+@pytest.fixture(scope='module')
+def view(diagnosis: Diagnosis) -> View:
+    return build_view(diagnosis)
 
 
 @pytest.fixture(scope='module')
@@ -183,6 +189,55 @@ def test_zoom_and_pan_move_all_panels_alike(opened: Watched, view: View) -> None
     page.focus('#plots')
     page.keyboard.press('0')
     assert alike() == pytest.approx((start, end))
+
+
+def test_the_cursor_tells_what_the_samples_were(
+    opened: Watched, diagnosis: Diagnosis, view: View
+) -> None:
+    place = opened.page.locator('[data-panel="error"] .u-over').bounding_box()
+    assert place is not None
+    opened.page.mouse.move(place['x'] + 0.4 * place['width'], place['y'] + 20)
+    opened.page.wait_for_function('document.querySelector(".readout").textContent')
+    k = opened.page.evaluate('page.traces.cursor()')
+    held = view['records'][1]
+    assert held['bucket'] > 1
+    first = int(np.flatnonzero(unpack(view['time'], '<f8') >= held['start'] - 1e-9)[0])
+    begin = (k - first) // 2 * held['bucket']
+    error = diagnosis.records[1]['speed'] - diagnosis.steps[0].predictions[1]['speed']
+    samples = error[begin : begin + held['bucket']]
+    told = opened.page.text_content('[data-panel="error"] .readout') or ''
+    numbers = [float(n) for n in re.findall(r'-?\d+\.\d+', told.replace('\u2212', '-'))]
+    assert numbers == pytest.approx([samples.min(), samples.max()], rel=1e-3)
+    assert re.match(r'1\d\.\d+ s · ', opened.page.text_content('.readout') or '')
+
+
+def test_a_finger_reads_and_moves(chromium: 'Browser', report: Path) -> None:
+    touched = Watched(chromium, report, has_touch=True, viewport={'width': 820, 'height': 1180})
+    touched.page.locator('[data-panel="speed"] .u-over').tap()
+    assert 'measured' in (touched.page.text_content('[data-panel="speed"] .readout') or '')
+    touched.page.tap('[data-zoom="in"]')
+    before = touched.ranges()
+    touched.page.tap('[data-zoom="left"]')
+    assert np.all(touched.ranges() < before)
+    assert touched.trouble == []
+    touched.context.close()
+
+
+def test_paper_is_light_and_as_wide_as_the_page(chromium: 'Browser', report: Path) -> None:
+    wide = {'width': 2560, 'height': 1200}
+    printed = Watched(chromium, report, color_scheme='dark', viewport=wide)
+    printed.page.evaluate('dispatchEvent(new Event("beforeprint"))')
+    assert printed.page.evaluate('isDark()') is False
+    drawn = 'Array.from(document.querySelectorAll("canvas, svg")'
+    widths = f'{drawn}, (c) => c.getBoundingClientRect().right)'
+    assert max(printed.page.evaluate(widths)) <= 700
+    assert printed.page.evaluate('document.querySelector("#why").open') is True
+    printed.page.evaluate('dispatchEvent(new Event("afterprint"))')
+    assert printed.page.evaluate('isDark()') is True
+    assert printed.page.evaluate('document.querySelector("#why").open') is False
+    assert max(printed.page.evaluate(widths)) > 2000
+    assert printed.trouble == []
+    printed.context.close()
 
 
 def test_a_picture_reaches_beyond_any_curve(opened: Watched) -> None:

@@ -15,6 +15,7 @@ import pytest
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
+from motor_sysid.signals.record import Provenance
 from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.regimes import FEWEST, REGIMES
@@ -86,6 +87,16 @@ def test_held_out_stretch_is_in_focus_and_follows_the_training(view: View) -> No
     assert view['held_out'] == 'held out: last 4 s'
 
 
+def test_stretches_of_one_recording_keep_its_clock_among_others() -> None:
+    whole = fake_variants.several_records()
+    sources = [replace(r, provenance=Provenance('one.csv')) for r in whole.records]
+    sources[1] = replace(sources[1], provenance=Provenance('two.csv'))
+    records = build_view(replace(whole, records=tuple(sources)))['records']
+    own = [record['start'] - record['clock'] for record in records]
+    assert own == pytest.approx([0.0, 0.0, 16.0], abs=1e-6)  # the third is the end of the first
+    assert records[1]['end'] < records[2]['start']
+
+
 def test_separate_records_follow_with_a_gap_and_their_own_clock() -> None:
     view = build_view(fake_variants.several_records())
     first, second, third = view['records']
@@ -115,6 +126,24 @@ def test_shares_of_error_and_time_sum_to_one(view: View) -> None:
         assert [r['name'] for r in step['regimes']] == list(REGIMES)
         assert sum(r['error_share'] or 0 for r in step['regimes']) == pytest.approx(1, abs=1e-5)
         assert sum(r['time_share'] or 0 for r in step['regimes']) == pytest.approx(1, abs=1e-5)
+
+
+def test_shares_are_those_of_the_error_that_the_ladder_shows(
+    diagnosis: Diagnosis, view: View
+) -> None:
+    bench = Bench.of(diagnosis)
+    assert bench.regimes is not None
+    held = diagnosis.records[1]
+    for k, step in enumerate(diagnosis.steps):
+        parts = [
+            (held[name] - step.predictions[1][name]) ** 2 / np.mean(held[name] ** 2)
+            for name in step.channel_errors
+        ]
+        squares = np.mean(parts, axis=0)
+        assert 100 * np.sqrt(squares.mean()) == pytest.approx(step.validation_error_percent)
+        for n, regime in enumerate(view['steps'][k]['regimes']):
+            share = squares[bench.regimes[1] == n].sum() / squares.sum()
+            assert regime['error_share'] == pytest.approx(share, abs=1e-6)
 
 
 def test_regimes_follow_speed(diagnosis: Diagnosis) -> None:

@@ -45,6 +45,12 @@ def run(args: argparse.Namespace) -> int:
 
     load_effect_files(args.effect_file)
     saved = len(args.inputs) == 1 and args.inputs[0].suffix == '.json'
+    if saved and (args.validate or args.msg_config is not None):
+        given = '--validate' if args.validate else '--msg-config'
+        raise UserError(
+            f'{given} has no effect on {args.inputs[0]}, whose data are in it; leave it out, or '
+            'give a model (.yaml) and data'
+        )
     view = load_view(args.inputs[0]) if saved else _view_of_model(args)
     try:
         print(f'report: {write_view_report(view, args.out)}')

@@ -30,7 +30,8 @@ class Stretch:
     start, end:
         s on the common axis.
     clock:
-        s that a tick on the common axis has to be reduced by to give the record's own time.
+        s that a tick on the common axis has to be reduced by to give the time since the start of
+        the recording that the record is part of.
     size:
         Samples in a bucket; 1 draws every sample.
     picks:
@@ -49,15 +50,16 @@ def lay_out(records: Sequence[Record], roles: Sequence[str], points: int) -> tup
     shares = _shares(records, roles)
     span = sum(record.duration for record in records)
     stretches: list[Stretch] = []
-    for k, (record, share) in enumerate(zip(records, shares, strict=True)):
+    for k, (record, share, own) in enumerate(
+        zip(records, shares, _own_starts(records), strict=True)
+    ):
         size = bucket_size(len(record), share * points)
-        start, clock = 0.0, 0.0
+        clock = 0.0 - own
         if k and _continues(records[k - 1], record):
-            last = stretches[-1]
-            start = last.end + float(record.time[0] - records[k - 1].time[-1])
-            clock = last.clock
+            clock = stretches[-1].clock
         elif k:
-            start = clock = _round_up(stretches[-1].end + 0.01 * span, span)
+            clock = _round_up(stretches[-1].end + 0.01 * span - own, span)
+        start = clock + own
         picks = bucket_points(len(record), size)
         stretches.append(Stretch(start, start + record.duration, clock, size, picks))
     return tuple(stretches)
@@ -142,6 +144,15 @@ def _shares(records: Sequence[Record], roles: Sequence[str]) -> list[float]:
         record.duration / spans[kind] / len(spans)
         for record, kind in zip(records, held, strict=True)
     ]
+
+
+def _own_starts(records: Sequence[Record]) -> list[float]:
+    """Return when each record starts, in s since the start of its recording."""
+    begins: dict[str, float] = {}
+    for record in records:
+        source = record.provenance.source
+        begins[source] = min(begins.get(source, np.inf), float(record.time[0]))
+    return [float(r.time[0]) - begins[r.provenance.source] for r in records]
 
 
 def _continues(before: Record, after: Record) -> bool:

@@ -21,6 +21,9 @@ TRACE_BYTES = 400_000
 POINTS = (1_000, 6_000)
 """Fewest and most points of a trace."""
 
+SMALLEST = 1e-300
+"""A mean square that nothing is divided by less of."""
+
 
 @dataclass(frozen=True)
 class Bench:
@@ -85,15 +88,32 @@ class Bench:
         error: Array = self.diagnosis.records[record][name] - prediction
         return error
 
-    def held_errors(self, step: int) -> Array:
-        """Return the primary output's errors on all held-out samples, NaN where missing."""
-        errors = [self.error(step, k, self.primary) for k in self.held]
+    def held_errors(self, step: int, name: str) -> Array:
+        """Return the errors of output `name` on all held-out samples, NaN where missing."""
+        errors = [self.error(step, k, name) for k in self.held]
         return np.concatenate(
             [
                 np.full(len(self.diagnosis.records[k]), np.nan) if error is None else error
                 for k, error in zip(self.held, errors, strict=True)
             ]
         )
+
+    @np.errstate(over='ignore')  # a model that ran away
+    def held_sizes(self, step: int) -> Array:
+        """Return the size of the error of each held-out sample, 1 is as large as the signal.
+
+        All outputs that are judged count alike; the RMS of it is the error that the ladder shows.
+        """
+        squares: list[Array] = []
+        for name in self.diagnosis.steps[step].channel_errors:
+            errors = self.held_errors(step, name)
+            good = np.isfinite(errors)
+            if good.any():
+                records = [self.diagnosis.records[k] for k in self.held]
+                signal = np.concatenate([r.signals.get(name, np.zeros(len(r))) for r in records])
+                squares.append(errors**2 / max(np.mean(signal[good] ** 2), SMALLEST))
+        mean: Array = np.mean(squares, axis=0) if squares else self.held_errors(step, '')
+        return np.sqrt(mean)
 
     def held_counts(self) -> Bins:
         """Return the number of held-out samples in each cell of the map."""

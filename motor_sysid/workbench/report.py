@@ -58,7 +58,7 @@ def asset(name: str) -> str:
 
 def _embedded(view: View) -> str:
     """Return JSON that cannot end the script element it stands in."""
-    text = json.dumps(view, allow_nan=False, separators=(',', ':'), ensure_ascii=False)
+    text = json.dumps(view, allow_nan=False, separators=(',', ':'))
     return text.replace('<', '\\u003c')
 
 

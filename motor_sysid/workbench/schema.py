@@ -31,7 +31,12 @@ class VerdictView(TypedDict):
 
 
 class StretchView(TypedDict):
-    """One record on the common time axis; `clock` is subtracted to get its own time."""
+    """One record on the common time axis.
+
+    `clock` is subtracted to get the time since the start of the recording that it is part of.  A
+    pair of points stands for `bucket` samples: the smallest and the largest; 1: every sample has
+    a point of its own.
+    """
 
     label: str
     source: str
@@ -40,6 +45,7 @@ class StretchView(TypedDict):
     end: float
     clock: float
     samples: int
+    bucket: int
     rate_hz: float | None
 
 
@@ -91,12 +97,15 @@ class MapView(TypedDict):
 
 
 class RegimeShare(TypedDict):
-    """How much of the squared error and of the time falls into a regime, 0 to 1."""
+    """How much of the squared error and of the time falls into a regime, 0 to 1.
+
+    All outputs count alike in the error, as in `StepView.validation_error_percent`.
+    """
 
     name: str
     error_share: float | None
     time_share: float | None
-    rms: float | None
+    error_percent: float | None
 
 
 class CurveView(TypedDict):
@@ -208,7 +217,10 @@ class CandidateParameter(TypedDict):
 
 
 class CandidateView(TypedDict):
-    """A `motor_sysid.diagnosis.result.result.Candidate`; `added` names the model that took it."""
+    """A `motor_sysid.diagnosis.result.result.Candidate`; `added` names the model that took it.
+
+    One that was not refitted has no parameters and no errors.
+    """
 
     effect: str
     title: str
@@ -249,8 +261,8 @@ class StepView(TypedDict):
 class View(TypedDict):
     """The whole page.
 
-    `time` holds float64 s on the common axis; `bucket` is the most samples that two points stand
-    for; `focus` the stretch in s and `first` the model that the page opens with.
+    `time` holds float64 s on the common axis; `focus` is the stretch in s and `first` the model
+    that the page opens with.
     """
 
     schema: str
@@ -262,7 +274,6 @@ class View(TypedDict):
     noise_floor_percent: float | None
     records: list[StretchView]
     time: str
-    bucket: int
     channels: list[ChannelView]
     panels: list[PanelView]
     primary: str

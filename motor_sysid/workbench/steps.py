@@ -95,7 +95,7 @@ def _map_values(index: int, bench: Bench) -> str | None:
         return None
     rows, columns = bench.grid.shape
     cells = np.concatenate([bench.grid.cells[k] for k in bench.held])
-    rms, count = rms_by(cells, bench.held_errors(index), rows * columns)
+    rms, count = rms_by(cells, bench.held_errors(index, bench.primary), rows * columns)
     scale = bench.sigma if bench.sigma > 0 else 1.0
     return pack(np.where(count >= FEWEST, rms / scale, np.nan))
 
@@ -104,7 +104,7 @@ def _regime_shares(index: int, bench: Bench) -> list[RegimeShare]:
     if bench.regimes is None:
         return []
     bins = np.concatenate([bench.regimes[k] for k in bench.held])
-    rms, count = rms_by(bins, bench.held_errors(index), len(REGIMES))
+    rms, count = rms_by(bins, bench.held_sizes(index), len(REGIMES))
     squares = np.nan_to_num(rms) ** 2 * count
     times = np.bincount(bins, minlength=len(REGIMES)) / len(bins)
     total = max(squares.sum(), 1e-300)
@@ -113,7 +113,7 @@ def _regime_shares(index: int, bench: Bench) -> list[RegimeShare]:
             'name': name,
             'error_share': number(squares[k] / total),
             'time_share': number(times[k]),
-            'rms': number(rms[k]),
+            'error_percent': number(100 * rms[k]),
         }
         for k, name in enumerate(REGIMES)
     ]
@@ -166,6 +166,7 @@ def _candidates(index: int, bench: Bench) -> list[CandidateView]:
 def _candidate(candidate: Candidate, index: int, bench: Bench) -> CandidateView:
     steps = bench.diagnosis.steps
     following = steps[index + 1].model.effects if index + 1 < len(steps) else ()
+    refitted = bool(candidate.parameters)
     taken = candidate.effect in following and candidate.effect not in steps[index].model.effects
     return {
         'effect': candidate.effect,
@@ -173,8 +174,10 @@ def _candidate(candidate: Candidate, index: int, bench: Bench) -> CandidateView:
         'equation': candidate.equation,
         'law': candidate.law,
         'delta_bic': number(candidate.delta_bic),
-        'train_error_percent': number(candidate.train_error_percent),
-        'validation_error_percent': number(candidate.validation_error_percent),
+        'train_error_percent': number(candidate.train_error_percent) if refitted else None,
+        'validation_error_percent': number(candidate.validation_error_percent)
+        if refitted
+        else None,
         'parameters': [
             {'name': name, 'value': number(value), 'unit': unit, 'sigma': number(sigma)}
             for name, (value, unit, sigma) in candidate.parameters.items()

@@ -65,7 +65,6 @@ def build_view(diagnosis: Diagnosis, actions: bool = False) -> View:
         'noise_floor_percent': number(diagnosis.noise_floor_percent),
         'records': [_stretch(index, bench) for index in range(len(records))],
         'time': pack(axis_times(stretches, records), '<f8'),
-        'bucket': max(stretch.size for stretch in stretches),
         'channels': [_channel(channel, bench) for channel in bench.channels],
         'panels': [_panel(panel) for panel in panels_of(bench.channels, bench.primary)],
         'primary': bench.primary,
@@ -160,6 +159,7 @@ def _stretch(index: int, bench: Bench) -> StretchView:
         'end': stretch.end,
         'clock': stretch.clock,
         'samples': len(record),
+        'bucket': stretch.size,
         'rate_hz': number(1 / record.dt),
     }
 

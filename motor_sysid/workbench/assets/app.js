@@ -143,18 +143,46 @@ function listen() {
   $('#back').onclick = () => pickByHand(page.step - 1);
   $('#forward').onclick = () => pickByHand(page.step + 1);
   $('#play').onclick = play;
-  $('#zoom').onclick = (event) => ({in: page.traces.zoomIn, out: page.traces.zoomOut,
-    reset: page.traces.reset}[event.target.dataset.zoom]?.());
+  $('#zoom').onclick = (event) => ({in: page.traces.zoomIn, out: page.traces.zoomOut, reset: page.traces.reset,
+    left: () => page.traces.pan(-0.2), right: () => page.traces.pan(0.2)}[event.target.dataset.zoom]?.());
   document.addEventListener('keydown', onKey);
   let width = 0;
   new ResizeObserver(() => requestAnimationFrame(() => {
     page.traces.resize();
     if (document.body.clientWidth === width) return;
     width = document.body.clientWidth;
-    drawLadder(page.view, page.step, pickByHand);
-    drawUnknown(page.view);
-    page.where.redraw();
+    drawSized();
   })).observe($('#plots'));
+  listenToPrinter();
+}
+
+/** Draw again what has the width of the page. */
+function drawSized() {
+  drawLadder(page.view, page.step, pickByHand);
+  drawUnknown(page.view);
+  page.where.redraw();
+}
+
+/** On paper the page is light, as wide as paper, and has its reasons unfolded. */
+function listenToPrinter() {
+  let dark = false;
+  let folded = [];
+  const lay = (paper) => {
+    document.body.classList.toggle('paper', paper);
+    setTheme(paper ? false : dark);
+    page.traces.resize();
+    drawSized();
+  };
+  addEventListener('beforeprint', () => {
+    dark = isDark();
+    folded = [...document.querySelectorAll('#verdict details:not([open])')];
+    folded.forEach((details) => { details.open = true; });
+    lay(true);
+  });
+  addEventListener('afterprint', () => {
+    folded.forEach((details) => { details.open = false; });
+    lay(false);
+  });
 }
 
 /* --- actions: only where something answers ----------------------------------------------- */
@@ -179,6 +207,8 @@ function show(view) {
   document.title = `motor_sysid ${view.actions ? 'workbench' : 'report'} · ${view.source}`;
   $('#kind').textContent = view.actions ? 'workbench' : 'report';
   $('#source').textContent = [view.source, view.motor.title, lengthText(view), view.held_out].join(' · ');
+  const bucket = Math.max(...view.records.map((r) => r.bucket));
+  $('#drawn').textContent = bucket > 1 ? ` · drawn: extremes of up to ${bucket} samples` : '';
   drawHeadline(view);
   drawBlindSpots(view);
   drawUnknown(view);

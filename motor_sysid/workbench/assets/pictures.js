@@ -208,11 +208,12 @@ function wherePicture(where, width) {
   const bars = where.error_percent.map((v, k) => v !== null && svg('rect', {class: 'bar',
     x: atX(where.bins[k]) + 0.5, width: Math.max(1, atX(where.bins[k + 1]) - atX(where.bins[k]) - 1),
     y: top + height * (1 - v / reach), height: (height * v) / reach}));
-  const marks = ticksOf(x0, x1);
+  const ways = where.axis === 'direction';
+  const marks = ways ? [-1, 0, 1] : ticksOf(x0, x1);
   return svg('svg', {width, height: CURVE_HEIGHT, role: 'img',
     'aria-label': `Error by ${where.axis}, at most ${percent(reach)}.`},
   tick(0, 11, '%', 'start'), ...bars.filter(Boolean), tick(left - 5, top + 4, digits(reach), 'end'), tick(left - 5, top + height, '0', 'end'),
   ...marks.map((v, k) => tick(Math.min(width - 8, atX(v)), CURVE_HEIGHT - 5,
-    `${tickText(v)}${k === marks.length - 1 ? ` ${unitText(where.unit)}` : ''}`,
-    k === marks.length - 1 ? 'end' : 'middle')));
+    ways ? WAYS[k] : `${tickText(v)}${k === marks.length - 1 ? ` ${unitText(where.unit)}` : ''}`,
+    k === marks.length - 1 ? 'end' : k === 0 && ways ? 'start' : 'middle')));
 }

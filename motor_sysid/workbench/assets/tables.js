@@ -27,10 +27,11 @@ function makeCandidates(view, onAct) {
     const count = all ? candidates.length : Math.max(passing, Math.min(SHORT_LIST, candidates.length));
     let rank = 0;
     const rows = candidates.slice(0, count).map((c) => row(c, now, c.passes ? (rank += 1) : null));
-    const heads = ['', 'effect and law', 'evidence', 'error on held-out data', 'ΔBIC', ...(view.actions ? [''] : [])];
+    const heads = ['', 'effect and law', 'what is left', 'error on held-out data', 'ΔBIC', ...(view.actions ? [''] : [])];
     const head = el('thead', {}, el('tr', {}, heads.map((h, k) =>
       (h ? el('th', {scope: 'col'}, h) : el('th', {scope: 'col'}, el('span', {class: 'aside'}, k ? 'action' : 'rank'))))));
-    const parts = [el('table', {class: 'candidates'}, head, ...rows)];
+    const parts = [el('div', {class: 'scroll'}, el('table', {class: 'candidates'}, head, ...rows)),
+      el('p', {class: 'aside-note'}, 'ΔBIC: how much the training data speak for it, less a price for each parameter; what counts begins at 20 or above.')];
     if (!passing) parts.unshift(el('p', {class: 'none'}, ...nothingPasses(view, view.steps[step])));
     if (candidates.length > SHORT_LIST && passing < candidates.length) {
       parts.push(el('button', {type: 'button', class: 'more', onclick: () => {
@@ -45,11 +46,12 @@ function makeCandidates(view, onAct) {
   function row(c, now, rank) {
     const after = c.validation_error_percent;
     const change = now && after !== null ? (after - now) / now : null;
+    const fitted = c.parameters.length > 0;
     const cells = [
       el('td', {class: 'rank', rowspan: 2}, rank === null ? '–' : String(rank)),
       el('th', {scope: 'row'}, el('span', {class: 'title'}, cap(c.title)), place(c)),
       el('td', {class: 'evidence'}, c.curve ? sparkline(c) : ''),
-      el('td', {class: 'change'}, changeText(now, after, change), changeBar(change, c.passes)),
+      el('td', {class: 'change'}, ...(fitted ? [changeText(now, after, change), changeBar(change, c.passes)] : [el('span', {class: 'gain'}, 'not refitted')])),
       el('td', {class: 'bic'}, c.delta_bic === null ? '–' : signed(c.delta_bic)),
     ];
     if (view.actions) cells.push(el('td', {rowspan: 2}, el('button', {type: 'button', class: c.passes ? 'primary' : '',

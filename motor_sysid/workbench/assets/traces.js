@@ -25,8 +25,11 @@ function makeTraces(view) {
   let plots = [];
 
   /* Points between two records belong to neither; what comes before one ends with itself. */
+  const tolerance = 1e-6 * (full[1] - full[0]);
+  const recordAt = (t) => view.records.find((r) => t >= r.start - tolerance && t <= r.end + tolerance);
   const inside = (t) => view.records.some((r) => t >= r.start && t <= r.end);
   const joints = new Set(view.records.length > 1 ? Array.from(time.keys()).filter((k) => !inside(time[k])) : []);
+  const firsts = view.records.map((r) => time.findIndex((t) => t >= r.start - tolerance));
   const endOf = (k) => (k + 1 < time.length && !joints.has(k + 1) ? time[k + 1] : time[k]);
 
   const drawStrip = () => strip(view, {time, regimes, endOf, range, stretchName, width: root.clientWidth});
@@ -77,12 +80,20 @@ function makeTraces(view) {
     };
   }
 
+  /** Which of several signals of one colour has which dashes. */
+  function dashKeys({key, series}) {
+    const own = series.filter((s) => s.color === 'measured' || s.color === 'input');
+    if (key === 'error' || own.length < 2) return [];
+    return own.map((s) => el('span', {class: 'dashes'}, svg('svg', {width: 26, height: 6, 'aria-hidden': 'true'},
+      svg('line', {x1: 0, x2: 26, y1: 3, y2: 3, 'stroke-dasharray': s.dash.join(' ')})), s.label.replace('measured ', '')));
+  }
+
   function options(spec, last) {
     const stroke = (name) => () => palette[name];
     const grid = {stroke: stroke('line'), width: 1};
     return {
       width: 600, height: 100, legend: {show: false}, pxAlign: 1,
-      padding: [6, RIGHT_GAP, last ? 0 : 4, 0],
+      padding: [20, RIGHT_GAP, last ? 0 : 4, 0],
       scales: {x: {time: false}, y: {range: (u, low, high) => padded(low, high)}},
       cursor: {
         y: false, points: {show: false}, drag: {x: true, y: false, setScale: false, dist: 4},
@@ -109,7 +120,10 @@ function makeTraces(view) {
         draw: [(u) => drawNoiseLimits(u, spec)],
         setSelect: [(u) => select(u)],
         setCursor: [(u) => readout(u, spec)],
-        ready: [(u) => u.over.addEventListener('wheel', (e) => wheel(u, e), {passive: false})],
+        ready: [(u) => {
+          u.over.addEventListener('wheel', (e) => wheel(u, e), {passive: false});
+          u.over.addEventListener('pointerdown', (e) => touch(u, e));
+        }],
       },
     };
   }
@@ -122,7 +136,7 @@ function makeTraces(view) {
     const specs = panelSpecs();
     plots = specs.map((spec, k) => {
       const box = el('div', {class: 'plot', 'data-panel': spec.key},
-        el('p', {class: 'name'}, `${spec.title}${bracketed(spec.unit)}`),
+        el('p', {class: 'name'}, `${spec.title}${bracketed(spec.unit)}`, ...dashKeys(spec)),
         el('p', {class: 'readout', 'aria-hidden': 'true'}));
       root.append(box);
       const u = new uPlot(options(spec, k === specs.length - 1), data(spec), box);
@@ -153,7 +167,7 @@ function makeTraces(view) {
   }
 
   function zoom([from, to]) {
-    const least = Math.min(full[1] - full[0], 20 * smallestStep());
+    const least = Math.min(full[1] - full[0], 10 * pairStep(recordAt((from + to) / 2)));
     const width = Math.min(full[1] - full[0], Math.max(least, to - from));
     const middle = (from + to) / 2;
     const start = Math.min(Math.max(full[0], middle - width / 2), full[1] - width);
@@ -161,7 +175,11 @@ function makeTraces(view) {
     applyRange();
   }
 
-  const smallestStep = () => 1 / Math.max(...view.records.map((r) => r.rate_hz || 1));
+  /** Time from one pair of points to the next. */
+  const pairStep = (record) => {
+    const rate = record?.rate_hz || Math.max(...view.records.map((r) => r.rate_hz || 1));
+    return Math.max(2, record?.bucket || 1) / rate;
+  };
   const zoomAt = (t, factor) => zoom([t - (t - range[0]) * factor, t + (range[1] - t) * factor]);
   const middle = () => (range[0] + range[1]) / 2;
   const pan = (share) => {
@@ -182,6 +200,13 @@ function makeTraces(view) {
     event.preventDefault();
     const t = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, 'x');
     zoomAt(t, event.deltaY < 0 ? 0.75 : 1 / 0.75);
+  }
+
+  /** A finger does not hover: where it touches is read out. */
+  function touch(u, event) {
+    if (event.pointerType !== 'touch') return;
+    const left = event.clientX - u.over.getBoundingClientRect().left;
+    plots.forEach(({u: each}) => each.setCursor({left, top: 1}));
   }
 
   function startPan(u, event) {
@@ -290,8 +315,7 @@ function makeTraces(view) {
   }
 
   function clockText(t) {
-    const tolerance = 1e-6 * (full[1] - full[0]);
-    const record = view.records.find((r) => t >= r.start - tolerance && t <= r.end + tolerance);
+    const record = recordAt(t);
     return record ? `${minus(String(Number((t - record.clock).toFixed(6))))} s` : '';
   }
 
@@ -302,11 +326,27 @@ function makeTraces(view) {
       node.textContent = '';
       return;
     }
-    node.textContent = spec.series
-      .map((s, n) => [s.label, u.data[n + 1][k]])
-      .filter(([, value]) => value !== null && value !== undefined)
-      .map(([label, value]) => `${label === 'ghost' ? `M${state.ghost}` : label} ${digits(value, 4)}`)
-      .join(' · ');
+    const at = plots[0]?.u === u ? [clockText(time[k])] : [];
+    const values = spec.series
+      .map((s, n) => [s.label, pointsAt(k).map((p) => u.data[n + 1][p]).filter((v) => v !== null && v !== undefined)])
+      .filter(([, found]) => found.length)
+      .map(([label, found]) => `${label === 'ghost' ? `M${state.ghost}` : label} ${span(found)}`);
+    node.textContent = [...at, ...values].join(' · ');
+  }
+
+  /** The points that stand for the same samples as point k: a pair, in the order of each signal. */
+  function pointsAt(k) {
+    const record = recordAt(time[k]);
+    if (!record || record.bucket < 2 || joints.has(k)) return [k];
+    const first = firsts[view.records.indexOf(record)];
+    const even = k - ((k - first) % 2);
+    return [even, even + 1].filter((p) => p < time.length && !joints.has(p));
+  }
+
+  /** A value, or the smallest and the largest of several samples. */
+  function span(found) {
+    const [low, high] = [Math.min(...found), Math.max(...found)].map((v) => digits(v, 4));
+    return low === high ? low : `${low} … ${high}`;
   }
 
   const api = {
@@ -331,6 +371,7 @@ function makeTraces(view) {
     /** Indices of the marked points. */
     marked: () => (mark ? Array.from(time.keys()).filter((k) => mark.ids[k] === mark.id) : []),
     range: () => range,
+    cursor: () => plots[0].u.cursor.idx,
     ranges: () => plots.map(({u}) => [u.scales.x.min, u.scales.x.max]),
     go(from, to) {
       home = [from, to];
@@ -342,6 +383,7 @@ function makeTraces(view) {
       else shown.delete(panel);
       rebuild();
     },
+    pan,
     zoomIn: () => zoomAt(middle(), 0.6),
     zoomOut: () => zoomAt(middle(), 1 / 0.6),
     reset: () => zoom(home),

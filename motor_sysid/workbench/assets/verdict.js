@@ -104,7 +104,8 @@ function drawLadder(view, step, onPick) {
     parts.push(svg('rect', {x: left, y: y - 6, width: at(floor) - left, height: 12, rx: 3, class: 'floor'}),
       svg('text', {x: left, y: y + 22, class: 'tick'}, `sensor noise ${brief(floor)}`));
   }
-  parts.push(svg('text', {x: width - 2, y: y + 22, 'text-anchor': 'end', class: 'tick'}, 'error on held-out data, logarithmic'));
+  const title = width < 400 ? 'error, log.' : 'error on held-out data, logarithmic';
+  parts.push(svg('text', {x: width - 2, y: y + 22, 'text-anchor': 'end', class: 'tick'}, title));
   for (let k = 0; k + 1 < errors.length; k += 1) {
     if (errors[k] > 0 && errors[k + 1] > 0) parts.push(hop(at(errors[k]), at(errors[k + 1]), y, k < step));
   }

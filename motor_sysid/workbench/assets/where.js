@@ -115,6 +115,8 @@ function makeWhere(view, mark) {
   function drawRegimes() {
     const shares = view.steps[step].regimes;
     $('#regime-figure').hidden = !shares.length;
+    $('#regime-title').textContent = Object.keys(view.steps[step].error).length > 1
+      ? 'squared error by regime, all outputs' : 'squared error by regime';
     const ids = view.regimes && u8(view.regimes.ids);
     const most = Math.max(...shares.map((r) => Math.max(r.error_share, r.time_share)), 0.01);
     $('#regimes').replaceChildren(...shares.map((r, k) => {
@@ -143,19 +145,25 @@ function makeWhere(view, mark) {
 
   /* --- curves ---------------------------------------------------------------------------- */
 
+  /** Curves count time over the records they are made of, one after the other. */
+  const held = new Set(view.records.map((r) => r.role)).size > 1;
+  const several = new Set(view.records.map((r) => r.source)).size > 1;
+  const axisText = (axis, judged) => (axis !== 'time' ? axis
+    : judged && held ? 'time in the held-out data' : several ? 'time over all data' : axis);
+
   function curveChoices() {
     const {curves, where} = view.steps[step];
     const told = [...curves].sort((a, b) => isNoise(a) - isNoise(b) || (a.axis === 'direction') - (b.axis === 'direction'));
     return [
       ...told.map((c) => {
         const reach = commonReach(c);
-        return {key: keyOf(c), title: `${c.quantity} by ${c.axis}${isNoise(c) ? ' (noise)' : ''}`,
+        return {key: keyOf(c), title: `${c.quantity} by ${axisText(c.axis, false)}${isNoise(c) ? ' (noise)' : ''}`,
           draw: (w) => curvePicture(withLaw(c), w, reach)};
       }),
       ...where.flatMap((r) => Object.entries(r.channels).map(([name, one]) => ({
-        key: `${name}:${r.axis}`, title: `RMS ${name.replace(/_/g, ' ')} error by ${r.axis}${isNoise(one) ? ' (even)' : ''}`,
+        key: `${name}:${r.axis}`, title: `RMS ${name.replace(/_/g, ' ')} error by ${axisText(r.axis, true)}${isNoise(one) ? ' (even)' : ''}`,
         draw: (w) => channelPicture(r, name, one, w)}))),
-      ...where.map((r) => ({key: `error:${r.axis}`, title: `error by ${r.axis}`,
+      ...where.map((r) => ({key: `error:${r.axis}`, title: `error by ${axisText(r.axis, true)}`,
         draw: (w) => wherePicture(r, w)})),
     ];
   }
@@ -212,8 +220,8 @@ function makeWhere(view, mark) {
     const shares = view.steps[step].regimes;
     const parts = [];
     if (shares.length) {
-      parts.push(table('Error by regime', ['regime', 'of error', 'of time', 'RMS error'],
-        shares.map((r) => [r.name, share(r.error_share), share(r.time_share), digits(r.rms)])));
+      parts.push(table('Error by regime', ['regime', 'of error', 'of time', 'error'],
+        shares.map((r) => [r.name, share(r.error_share), share(r.time_share), percent(r.error_percent ?? null)])));
     }
     if (map) {
       parts.push(table('Worst cells of the map', ['where', 'RMS error', 'samples'],
@@ -250,8 +258,7 @@ function makeWhere(view, mark) {
   return {
     show(index) {
       step = index;
-      const roles = new Set(view.records.map((r) => r.role));
-      $('#where-note').textContent = roles.size > 1 ? 'on the held-out data' : '';
+      $('#where-note').textContent = held ? 'errors: held out · unexplained: all data' : '';
       drawMap();
       drawRegimes();
       drawCurves();
