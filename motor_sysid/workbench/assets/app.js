@@ -19,7 +19,16 @@ function pick(step, announce = true) {
   drawModels(view, page.step, pickByHand, change);
   drawParameters(view, page.step);
   drawGhostKey();
+  reachScrolled();
   if (announce) say(page.step);
+}
+
+/** What scrolls can be reached with the keyboard. */
+function reachScrolled() {
+  document.querySelectorAll('.scroll').forEach((box) => {
+    if (box.scrollWidth > box.clientWidth) box.tabIndex = 0;
+    else box.removeAttribute('tabindex');
+  });
 }
 
 function pickByHand(step) {
@@ -161,6 +170,7 @@ function drawSized() {
   drawLadder(page.view, page.step, pickByHand);
   drawUnknown(page.view);
   page.where.redraw();
+  reachScrolled();
 }
 
 /** On paper the page is light, as wide as paper, and has its reasons unfolded. */
