@@ -66,13 +66,14 @@ def vector(stamp: int, x: float, y: float = 0.0, frame: str = 'dc') -> bytes:
 
 
 def joints(
-    stamp: int, names: Sequence[str], position: Sequence[float], velocity: Sequence[float]
-) -> bytes:
+    stamp: int, names: Sequence[str], position: Sequence[float], velocity: Sequence[float],
+    effort: Sequence[float] = (),
+) -> bytes:  # fmt: skip
     """Return a JointState as CDR."""
     name = 'sensor_msgs/msg/JointState'
     message = types().types[name](
         header=header(stamp), name=list(names), position=np.array(position, dtype=float),
-        velocity=np.array(velocity, dtype=float), effort=np.empty(0),
+        velocity=np.array(velocity, dtype=float), effort=np.array(effort, dtype=float),
     )  # fmt: skip
     return bytes(types().serialize_cdr(message, name))
 

@@ -361,6 +361,57 @@ def test_missing_values_and_wrong_types(tmp_path: Path) -> None:
         load(write_bag(tmp_path / 'odd', topics))
 
 
+def joint_states(path: Path, position: list[float], velocity: list[float]) -> Path:
+    """Return a bag of a joint whose drive says nothing of its effort."""
+    rows = []
+    for k, (angle, speed) in enumerate(zip(position, velocity, strict=True)):
+        stamp = START + k * MS
+        rows.append((stamp, joints(stamp, ['joint_1'], [angle], [speed], [np.nan])))
+    return write_bag(path, {'/joint_states': (JOINTS, rows)})
+
+
+def test_a_field_without_values_costs_no_other(tmp_path: Path) -> None:
+    """ros2_control fills what the hardware does not export with NaN."""
+    ramp, nothing = [0.1 * k for k in range(50)], [np.nan] * 50
+    loaded = load(joint_states(tmp_path / 'both', ramp, ramp), 'ros2_control')
+    assert loaded.records[0]['speed'].tolist() == ramp
+    assert list(loaded.records[0]) == ['speed', 'position']
+    (finding,) = [f for f in loaded.findings if f.code == 'empty_signal']
+    assert (finding.severity, finding.message) == ('info', 'no value at all in current; left out')
+
+    loaded = load(joint_states(tmp_path / 'position', ramp, nothing), 'ros2_control')
+    assert loaded.records[0]['position'].tolist() == ramp
+    assert list(loaded.origins) == ['position']
+    found = {f.message: f.severity for f in loaded.findings if f.code == 'empty_signal'}
+    assert found['no value at all in speed; left out'] == 'warning'
+
+    with pytest.raises(UserError, match=r'none of the fields .* holds any finite value'):
+        load(joint_states(tmp_path / 'none', nothing, nothing), 'ros2_control')
+    halves = [[x if k % 2 == way else np.nan for k, x in enumerate(ramp)] for way in (0, 1)]
+    with pytest.raises(UserError, match='no message has a finite value of each of position, spee'):
+        load(joint_states(tmp_path / 'halves', *halves), 'ros2_control')
+
+
+def test_a_source_with_values_is_preferred(tmp_path: Path) -> None:
+    topics = motor_topics(motor_record(50))
+    kind, messages = topics['/motor/voltage']
+    topics['/drive/voltage'] = (kind, [(t, vector(t, np.nan)) for t, _ in messages])
+    config = tmp_path / 'mine.yaml'
+    config.write_text(
+        'signals:\n  voltage:\n'
+        '    - {topic: drive/voltage, field: vector.x}\n'
+        '    - {topic: motor/voltage, field: vector.x}\n'
+        '  current: {topic: motor/current, field: vector.x}\n'
+        '  supply_voltage: [{topic: drive/voltage, field: vector.x}, {constant: 24}]\n'
+    )
+    loaded = load(write_bag(tmp_path / 'bag', topics), config)
+    assert loaded.origins['voltage'] == '/motor/voltage vector.x'
+    assert set(loaded.records[0]['supply_voltage']) == {24.0}
+    assert loaded.origins['supply_voltage'] == '24'
+    (finding,) = [f for f in loaded.findings if f.code == 'empty_signal']
+    assert 'supply_voltage' in finding.message
+
+
 def test_a_missing_topic_is_said_with_those_that_are_there(tmp_path: Path) -> None:
     topics = motor_topics(motor_record(50))
     topics['/other/volts'] = topics.pop('/motor/voltage')

@@ -5,7 +5,10 @@ import signal
 import sqlite3
 import subprocess
 import sys
+import tempfile
 
+from hypothesis import given, HealthCheck, settings
+from hypothesis import strategies as st
 import numpy as np
 import pytest
 from recording_tools import motor_record, MS, START, types, vector
@@ -15,9 +18,10 @@ import yaml
 from motor_sysid.errors import UserError
 from motor_sysid.recording import load
 from motor_sysid.recording.rosbag import Bag
-from motor_sysid.recording.save import write_record
+from motor_sysid.recording.save import CARRIED, write_record
 from motor_sysid.recording.writer import BagWriter
 from motor_sysid.signals import Record
+from motor_sysid.signals.channels import BY_NAME, CHANNELS
 
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 
@@ -154,6 +158,28 @@ def test_linear_axis_and_phases_come_back(tmp_path: Path) -> None:
     write_record(bldc, tmp_path / 'bldc', storage='mcap')
     read = load(tmp_path / 'bldc').records[0]
     assert all(np.array_equal(read[name], bldc[name]) for name in names)
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=25)
+@given(st.sets(st.sampled_from(sorted(CARRIED)), min_size=1))
+def test_any_signals_come_back_and_no_others(tmp_path: Path, names: set[str]) -> None:
+    rows = np.random.default_rng(len(names)).standard_normal((len(names), 20))
+    units = {name: BY_NAME[name].units[0] for name in names}
+    record = Record(np.arange(20) / 100, dict(zip(sorted(names), rows, strict=True)), units)
+    path = Path(tempfile.mkdtemp(dir=tmp_path)) / 'bag'
+    write_record(record, path)
+    (read,) = load(path).records
+    assert set(read) == names
+    assert all(np.array_equal(read[name], record[name]) for name in names)
+
+
+def test_a_signal_without_a_topic_is_refused(tmp_path: Path) -> None:
+    assert {channel.name for channel in CHANNELS} - {'acceleration'} == CARRIED
+    record = motor_record(20)
+    record = record.with_signal('acceleration', record['speed'], 'rad/s^2')
+    with pytest.raises(UserError, match=r'no topic carries acceleration; write a \.csv'):
+        write_record(record, tmp_path / 'bag')
+    assert not (tmp_path / 'bag').exists()
 
 
 def test_a_reader_may_look_while_it_is_written(tmp_path: Path) -> None:

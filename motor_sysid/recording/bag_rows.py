@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording.align import align, choose_base, Series
-from motor_sysid.recording.cdr import column, strings_of, text_of
+from motor_sysid.recording.cdr import Column, column, strings_of, text_of
 from motor_sysid.recording.clocks import clock_findings
 from motor_sysid.recording.definitions import definitions, field_names, Types
 from motor_sysid.recording.messages import Messages, Topic
 from motor_sysid.recording.rosbag import Bag
-from motor_sysid.recording.rows import Rows, unwrapped
+from motor_sysid.recording.rows import empty_signals, Rows, unwrapped
 from motor_sysid.recording.sources import MsgConfig, Source
 from motor_sysid.signals.channels import CHANNELS, Role
 from motor_sysid.signals.finding import Finding, Severity
@@ -52,11 +52,20 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     types = definitions(wanted.values())
     present = [(s, t) for s, t in places if t and len(messages.get(t.name, ()))]
     reader = _Reader(messages, types)
-    chosen = _choose(config, present, reader)
+    found = _choose(config, present, reader)
+    chosen = reader.with_values(found)
+    if not chosen:
+        raise UserError(f'none of the fields named in {config.origin} holds any finite value')
     series = reader.series(chosen)
+    if not series:
+        raise UserError(
+            f'{bag.path}: no message has a finite value of each of {", ".join(chosen)}; leave out '
+            'in a msg_config file what is not measured'
+        )
     units = {name: source.si_unit() for name, (source, _) in chosen.items()}
-    rows, joined = align(series, choose_base(series, config.base_clock), units)
-    known = [*_missing_topics(bag, config, chosen), *_unread(bag, chosen), *reader.findings]
+    clock = '' if config.base_clock in {*found} - {*chosen} else config.base_clock
+    rows, joined = align(series, choose_base(series, clock), units)
+    known = [*_missing_topics(bag, config, chosen), *_unread(bag, found), *reader.findings]
     return rows, chosen, [*known, *clock_findings(series), *joined]
 
 
@@ -90,17 +99,15 @@ def _topic(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
 def _choose(
     config: MsgConfig, present: Sequence[tuple[Source, Topic]], reader: '_Reader'
 ) -> Chosen:
-    """Take the first source of each signal that the bag has."""
+    """Take the first source of each signal that the bag has, one with values if there is one."""
     chosen: Chosen = {}
     for name, sources in config.sources.items():
-        for source, topic in present:
-            if source.signal == name and name not in chosen and reader.applies(source, topic):
-                chosen[name] = (source, topic)
+        named = [place for place in present if place[0].signal == name and reader.applies(*place)]
+        if named:
+            chosen[name] = next((place for place in named if reader.has_values(*place)), named[0])
         required = [s for s in sources if not s.optional and not s.derived]
         if name not in chosen and required:
             raise UserError(reader.missing(required[0], config))
-    if not chosen:
-        raise UserError(f'none of the fields named in {config.origin} holds any value')
     return chosen
 
 
@@ -111,16 +118,35 @@ class _Reader:
         self.messages = messages
         self.types = types
         self.findings: list[Finding] = []
+        self._columns: dict[tuple[str, str], Column] = {}
 
     def applies(self, source: Source, topic: Topic) -> bool:
-        """Tell whether a source has anything to say in this bag."""
+        """Tell whether a source is in this bag."""
         first = self.messages[topic.name][0]
         if source.when:
             text = text_of(first, self.types, topic.msgtype, source.when.field)
             if not source.when.holds(text):
                 return False
-        read = column(self.messages[topic.name], self.types, topic.msgtype, source.field)
-        return bool(np.any(read.present))
+        return bool(np.any(self._column(topic, source.field).present))
+
+    def has_values(self, source: Source, topic: Topic) -> bool:
+        """Tell whether a source has a finite value anywhere."""
+        read = self._column(topic, source.field)
+        return bool(np.any(read.present & np.isfinite(read.values)))
+
+    def with_values(self, found: Chosen) -> Chosen:
+        """Leave out signals that have no value at all: drivers so fill what they do not measure.
+
+        It is as expected where the source is optional and its topic carries others.
+        """
+        chosen = {name: place for name, place in found.items() if self.has_values(*place)}
+        topics = {topic.name for _, topic in chosen.values()}
+        for name, (source, topic) in found.items():
+            if name not in chosen:
+                expected = source.optional and topic.name in topics
+                severity = Severity.INFO if expected else Severity.WARNING
+                self.findings.append(empty_signals([name], severity))
+        return chosen
 
     def missing(self, source: Source, config: MsgConfig) -> str:
         """Return the message for a source that must be there and is not."""
@@ -149,8 +175,15 @@ class _Reader:
             self._note_joints(topic, [chosen[name][0] for name in names])
         return [one for one in found if one.stamps.size]
 
+    def _column(self, topic: Topic, path: str) -> Column:
+        key = topic.name, path
+        if key not in self._columns:
+            messages = self.messages[topic.name]
+            self._columns[key] = column(messages, self.types, topic.msgtype, path)
+        return self._columns[key]
+
     def _values(self, source: Source, topic: Topic) -> NDArray[np.float64]:
-        read = column(self.messages[topic.name], self.types, topic.msgtype, source.field)
+        read = self._column(topic, source.field)
         raw = np.where(read.present, read.values.astype(np.float64), np.nan)
         return unwrapped(source.to_si(raw), source.si_unit())
 
@@ -165,7 +198,7 @@ class _Reader:
                 '`stamp: receive` for it in a msg_config file (receive times jitter), or publish '
                 'a stamped type'
             )
-        read = column(messages, self.types, topic.msgtype, path)
+        read = self._column(topic, path)
         stamps = read.values
         if not read.is_time:
             factor = parse_unit(source.stamp_unit).factor * 1e9

@@ -1,6 +1,6 @@
 """Rows of signals as they were read, and the way from there to clean records."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -91,14 +91,17 @@ def _without_empty(rows: Rows, findings: list[Finding]) -> Rows:
     empty = [name for name, values in rows.signals.items() if not np.any(np.isfinite(values))]
     if not empty:
         return rows
-    findings.append(
-        Finding(
-            Severity.WARNING, 'empty_signal', f'no value at all in {", ".join(empty)}; left out',
-            'the model is fitted without it', 'check the sensor, column or field',
-        )
-    )  # fmt: skip
+    findings.append(empty_signals(empty))
     kept = {name: values for name, values in rows.signals.items() if name not in empty}
     return replace(rows, signals=kept)
+
+
+def empty_signals(names: Sequence[str], severity: Severity = Severity.WARNING) -> Finding:
+    """Return the finding for signals that are there but have no value."""
+    return Finding(
+        severity, 'empty_signal', f'no value at all in {", ".join(names)}; left out',
+        'the model is fitted without it', 'check the sensor, column or field',
+    )  # fmt: skip
 
 
 def _without_holes(rows: Rows, findings: list[Finding]) -> Rows:

@@ -34,6 +34,13 @@ ALONE = {
     'position_reference': 'motor/position_reference', 'hall_sector': 'motor/hall_sector',
 }  # fmt: skip
 """Signals that have a topic of their own, as x of a vector."""
+KINDS = ('voltage', 'current')
+FRAMES = {'dc': ('',), 'abc': ('_a', '_b', '_c'), 'dq': ('_d', '_q')}
+"""`frame_id` to what follows the name of a voltage or current, as x, y, z of one vector."""
+CARRIED = {
+    'speed', 'position', *ALONE, *(k + axis for k in KINDS for f in FRAMES.values() for axis in f)
+}
+"""Signals that a bag can carry."""
 
 
 def write_record(
@@ -62,7 +69,7 @@ def write_record(
     Raises
     ------
     UserError
-        If the path cannot be written.
+        If the path cannot be written, or a signal has no topic.
     """
     path = Path(path)
     try:
@@ -73,10 +80,20 @@ def write_record(
         elif path.suffix in {'.mcap', '.db3'}:
             raise UserError(f'{path}: a bag is a folder; give its name without {path.suffix}')
         else:
+            _refuse_without_topic(record, path)
             with BagWriter(path, storage, compress=compress, commit_period=np.inf) as bag:
                 _write_bag(record, bag, start)
     except OSError as error:
         raise UserError(f'{path} cannot be written: {error.strerror or error}') from None
+
+
+def _refuse_without_topic(record: Record, path: Path) -> None:
+    left = [name for name in record if name not in CARRIED]
+    if left:
+        raise UserError(
+            f'bag {path}: no topic carries {", ".join(left)}; write a .csv, or leave it out with '
+            '`record.select`'
+        )
 
 
 def _csv(record: Record) -> bytes:
@@ -100,14 +117,15 @@ def _messages(
     record: Record, stamps: NDArray[np.int64]
 ) -> Iterator[tuple[str, str, NDArray[np.uint8]]]:
     """Yield topic, type and (N, L) bytes of the messages that carry the record."""
-    phases = any(f'{kind}_a' in record for kind in ('voltage', 'current'))
-    for kind in ('voltage', 'current'):
-        for frame, axes in (('dc', ('',)), ('abc', ('_a', '_b', '_c')), ('dq', ('_d', '_q'))):
+    phases = _has(record, 'abc')
+    alone = not phases and not _has(record, 'dq')
+    for kind in KINDS:
+        for frame, axes in FRAMES.items():
             names = [kind + axis for axis in axes]
-            if any(name in record for name in names) and not (phases and frame == 'dc'):
+            if any(name in record for name in names) and (alone or frame != 'dc'):
                 beside = '_dq' if phases and frame == 'dq' else ''
                 yield f'/motor/{kind}{beside}', VECTOR, _vectors(record, stamps, names, frame)
-    if phases and ('voltage' in record or 'current' in record):
+    if not alone and _has(record, 'dc'):
         yield '/motor/command', VECTOR, _vectors(record, stamps, ['voltage', 'current'], 'command')
     if 'speed' in record or 'position' in record:
         yield '/motor/speed', JOINT, _joints(record, stamps)
@@ -116,6 +134,10 @@ def _messages(
             linear = record.units[name] in {'m', 'm/s'}
             frame = 'linear' if linear else 'dc'
             yield f'/{topic}', VECTOR, _vectors(record, stamps, [name], frame)
+
+
+def _has(record: Record, frame: str) -> bool:
+    return any(kind + axis in record for kind in KINDS for axis in FRAMES[frame])
 
 
 def _vectors(
@@ -153,7 +175,10 @@ def _filled(
     stamps: NDArray[np.int64],
     fields: Mapping[str, str],
 ) -> NDArray[np.uint8]:
-    """Serialise one message, and put the numbers of each row where its fields lie: (N, L)."""
+    """Serialise one message, and put the numbers of each row where its fields lie: (N, L).
+
+    What the record lacks is not a number, lest it reads back as zero.
+    """
     data = bytes(_store().serialize_cdr(message, msgtype))
     rows = np.tile(np.frombuffer(data, np.uint8), (len(record), 1))
 
@@ -165,9 +190,9 @@ def _filled(
     seconds, rest = np.divmod(stamps, 1_000_000_000)
     put('header.stamp.sec', seconds.astype('<i4'))
     put('header.stamp.nanosec', rest.astype('<u4'))
+    lacking = np.full(len(record), np.nan)
     for path, name in fields.items():
-        if name in record:
-            put(path, record[name].astype('<f8'))
+        put(path, record.signals.get(name, lacking).astype('<f8'))
     return rows
 
 
