@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
 import pytest
-from recording_tools import MS, START, types, write_bag
+from recording_tools import MS, START, types, vector, write_bag
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording import load, load_msg_config
@@ -97,6 +97,42 @@ signals:
     assert record['voltage'] == pytest.approx(0.01 * (k + 1) * (k + 2 - 0.5))
     assert record['position'] == pytest.approx(-(k + 3) * 2 * np.pi / 400 / 10)
     assert record['current'] == pytest.approx((2 * (k + 4) + 1) * 1e-3)
+
+
+def test_a_gear_divides_motion_and_multiplies_forces(tmp_path: Path) -> None:
+    path = csv(tmp_path / 'a.csv', 't,v,a,m,x')
+    text = (
+        'time: t\nsignals:\n  speed: {column: v, gear_ratio: 10}\n'
+        '  acceleration: {column: a, gear_ratio: 10}\n  torque: {column: m, gear_ratio: 10}\n'
+    )
+    record = load(path, config(tmp_path / 'a.yaml', text)).records[0]
+    k = np.arange(30)
+    assert record['speed'] == pytest.approx((k + 1) / 10)
+    assert record['acceleration'] == pytest.approx((k + 2) / 10)
+    assert record['torque'] == pytest.approx((k + 3) * 10)
+
+
+@pytest.mark.parametrize('gear', [50, 1, 0.5])
+def test_an_encoder_that_wraps_before_a_gear_is_made_continuous(
+    tmp_path: Path, gear: float
+) -> None:
+    """A turn of the sensor's shaft is a fraction of one of the record's, or several."""
+    angle = np.linspace(0, 200, 500)
+    counts = (angle * 4096 / (2 * np.pi)).astype(int) % 4096
+    text = (
+        '  position: {WHERE, unit: counts, counts_per_turn: 4096, '
+        f'gear_ratio: {gear}}}\n  voltage: {{ELSE}}\n'
+    )
+    table = tmp_path / 'a.csv'
+    table.write_text('t,p,u\n' + ''.join(f'{k / 1000},{x},1\n' for k, x in enumerate(counts)))
+    tabled = text.replace('WHERE', 'column: p').replace('ELSE', 'column: u')
+    messages = [(START + k * MS, vector(START + k * MS, x, 1)) for k, x in enumerate(counts)]
+    bag = write_bag(tmp_path / 'bag', {'/a': ('geometry_msgs/msg/Vector3Stamped', messages)})
+    topical = text.replace('WHERE', 'topic: /a, field: vector.x')
+    topical = topical.replace('ELSE', 'topic: /a, field: vector.y')
+    for path, signals in ((table, f'time: t\nsignals:\n{tabled}'), (bag, f'signals:\n{topical}')):
+        (record,) = load(path, config(tmp_path / 'a.yaml', signals)).records
+        assert record['position'] == pytest.approx(angle / gear, abs=2 * np.pi / 4096 / gear)
 
 
 @pytest.mark.parametrize(('shift', 'kept'), [(-1, 28), (2, 26), (0, 30)])
@@ -192,6 +228,8 @@ SPEED = 'signals: {speed: {column: v}}'
         ('signals: {speed: {column: v, scale: 0}}', '`scale` is 0'),
         ('signals: {speed: {column: v, sign: 2}}', 'must be 1 or -1, not 2'),
         ('signals: {speed: {column: v, gear_ratio: -3}}', 'must be above 0'),
+        ('signals: {current: {column: v, gear_ratio: 10}}', '`gear_ratio`, which goes with posi'),
+        ('signals: {_load: {column: v, gear_ratio: 10}}', 'write another ratio as `scale`'),
         ('signals: {speed: {column: v, shift: 0.5}}', '`signals.speed.shift` must be a whole'),
         ('signals: {speed: {topic: t, field: x, shift: 1}}', '`shift` goes with `column` only'),
         ('signals: {speed: {column: [1]}}', 'must be a text'),

@@ -13,7 +13,7 @@ from motor_sysid.recording.clocks import clock_findings
 from motor_sysid.recording.definitions import definitions, field_names, Types
 from motor_sysid.recording.messages import Messages, Topic
 from motor_sysid.recording.rosbag import Bag
-from motor_sysid.recording.rows import empty_signals, Rows, unwrapped
+from motor_sysid.recording.rows import empty_signals, Rows
 from motor_sysid.recording.sources import MsgConfig, Source
 from motor_sysid.signals.channels import CHANNELS, Role
 from motor_sysid.signals.finding import Finding, Severity
@@ -185,7 +185,7 @@ class _Reader:
     def _values(self, source: Source, topic: Topic) -> NDArray[np.float64]:
         read = self._column(topic, source.field)
         raw = np.where(read.present, read.values.astype(np.float64), np.nan)
-        return unwrapped(source.to_si(raw), source.si_unit())
+        return source.continuous(raw)
 
     def _stamps(self, source: Source, topic: Topic) -> NDArray[np.int64]:
         messages = self.messages[topic.name]

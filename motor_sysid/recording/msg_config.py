@@ -8,7 +8,15 @@ import yaml
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording.field_path import parse_path
-from motor_sysid.recording.sources import Condition, ISO, MsgConfig, Source, TimeColumn
+from motor_sysid.recording.sources import (
+    Condition,
+    DIVIDED_BY_GEAR,
+    ISO,
+    MsgConfig,
+    MULTIPLIED_BY_GEAR,
+    Source,
+    TimeColumn,
+)
 from motor_sysid.resources import shipped_file
 from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.units import did_you_mean, parse_unit
@@ -19,6 +27,7 @@ PLACES = ('topic', 'column', 'product', 'sum', 'constant')
 SOURCE_KEYS = (*PLACES, 'type', 'field', 'unit', 'scale', 'offset', 'sign', 'counts_per_turn',
                'gear_ratio', 'shift', 'stamp', 'stamp_unit', 'when', 'optional')  # fmt: skip
 TIME_KEYS = ('column', 'step', 'unit')
+GEARED = (*DIVIDED_BY_GEAR, *MULTIPLIED_BY_GEAR)
 CONDITION_KEYS = ('field', 'is', 'is_not')
 
 Table = Mapping[str, object]
@@ -236,6 +245,11 @@ class _Reader:
             (bool(source.topic) and not source.field, 'needs `field`, e.g. `field: vector.x`'),
             (not source.topic and bool(source.field), '`field` goes with `topic` only'),
             (source.gear_ratio <= 0, f'`gear_ratio` is {source.gear_ratio:g}, must be above 0'),
+            (
+                source.gear_ratio != 1 and source.signal not in GEARED,
+                f'has a `gear_ratio`, which goes with {", ".join(GEARED)} only; write another '
+                'ratio as `scale`',
+            ),
             (source.counts_per_turn < 0, '`counts_per_turn` must be above 0'),
             (bool(source.shift) and not source.column, '`shift` goes with `column` only'),
             (source.scale == 0, '`scale` is 0, so that the signal would be constant'),

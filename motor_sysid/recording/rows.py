@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from motor_sysid.signals.channels import CHANNELS
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Provenance, Record
-from motor_sysid.signals.units import TURN
 
 Array = NDArray[np.float64]
 
@@ -51,22 +50,6 @@ class Rows:
         """Return some of the rows."""
         signals = {name: values[which] for name, values in self.signals.items()}
         return replace(self, time=self.time[which], signals=signals)
-
-
-def unwrapped(values: Array, unit: str) -> Array:
-    """Return an angle (N,) rad made continuous where it jumps by a turn; others unchanged.
-
-    Only what stays within one turn and jumps by most of it is taken as wrapped.
-    """
-    finite = np.isfinite(values)
-    inside = values[finite]
-    if unit != 'rad' or inside.size < 3 or np.ptp(inside) > TURN * (1 + 1e-6):
-        return values
-    if np.max(np.abs(np.diff(inside))) < 0.8 * TURN:
-        return values
-    result = values.copy()
-    result[finite] = np.unwrap(inside)
-    return result
 
 
 def records_from(

@@ -12,7 +12,8 @@ from motor_sysid.signals.units import COUNT, parse_unit, TURN, Unit
 
 Array = NDArray[np.float64]
 
-DIVIDED_BY_GEAR = frozenset({'position', 'speed', 'position_reference', 'speed_reference'})
+DIVIDED_BY_GEAR = ('position', 'speed', 'acceleration', 'position_reference', 'speed_reference')
+MULTIPLIED_BY_GEAR = ('torque', 'force')
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,8 @@ class Condition:
 class Source:
     """One source of one signal.
 
-    The value in SI is ``sign * (scale * raw + offset)``, taken from `unit` to SI, and for position
-    and speed divided by `gear_ratio`.
+    The value in SI is ``sign * (scale * raw + offset)``, taken from `unit` to SI, and through the
+    gear: motion divided by `gear_ratio`, torque and force multiplied.
 
     Attributes
     ----------
@@ -119,17 +120,25 @@ class Source:
         return si
 
     def to_si(self, raw: Array) -> Array:
-        """Scale raw values (N,) and convert them to SI."""
+        """Scale raw values (N,), convert them to SI and take them through the gear."""
+        return self._through_gear(self._at_sensor(raw))
+
+    def continuous(self, raw: Array) -> Array:
+        """Return `to_si`, of an angle that its sensor shows within one turn made continuous."""
+        return self._through_gear(unwrapped(self._at_sensor(raw), self.si_unit()))
+
+    def _at_sensor(self, raw: Array) -> Array:
         values = raw
         if self.scale != 1 or self.offset != 0 or self.sign != 1:
             values = self.sign * (self.scale * raw + self.offset)
         values = self._parsed_unit().to_si(values)
-        if self.counts_per_turn:
-            values = values * (TURN / self.counts_per_turn)
-        if self.gear_ratio != 1:
-            turns = self.signal in DIVIDED_BY_GEAR
-            values = values / self.gear_ratio if turns else values * self.gear_ratio
-        return values
+        return values * (TURN / self.counts_per_turn) if self.counts_per_turn else values
+
+    def _through_gear(self, values: Array) -> Array:
+        if self.gear_ratio == 1:
+            return values
+        turns = self.signal in DIVIDED_BY_GEAR
+        return values / self.gear_ratio if turns else values * self.gear_ratio
 
     def _parsed_unit(self) -> Unit:
         channel = BY_NAME.get(self.signal)
@@ -149,6 +158,22 @@ class Source:
         steps += [f'{self.shift:+d} row(s)'] if self.shift else []
         unit = [] if not self.unit or f'[{self.unit}]' in place else [f'[{self.unit}]']
         return ' '.join([place, *steps, *unit])
+
+
+def unwrapped(values: Array, unit: str) -> Array:
+    """Return an angle (N,) rad made continuous where it jumps by a turn; others unchanged.
+
+    Only what stays within one turn and jumps by most of it is taken as wrapped.
+    """
+    finite = np.isfinite(values)
+    inside = values[finite]
+    if unit != 'rad' or inside.size < 3 or np.ptp(inside) > TURN * (1 + 1e-6):
+        return values
+    if np.max(np.abs(np.diff(inside))) < 0.8 * TURN:
+        return values
+    result = values.copy()
+    result[finite] = np.unwrap(inside)
+    return result
 
 
 ISO = 'iso8601'

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording.arrays import ArrayTable
-from motor_sysid.recording.rows import Rows, unwrapped
+from motor_sysid.recording.rows import Rows
 from motor_sysid.recording.sources import ISO, MsgConfig, Source, TimeColumn
 from motor_sysid.recording.table import Table
 from motor_sysid.signals.units import parse_unit
@@ -43,8 +43,7 @@ def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[s
     time = _time(table, config.time, numbers)
     units = {name: source.si_unit() for name, source in chosen.items()}
     signals = {
-        name: unwrapped(source.to_si(numbers[source.column]), units[name])
-        for name, source in chosen.items()
+        name: source.continuous(numbers[source.column]) for name, source in chosen.items()
     }
     if time.size != next(iter(signals.values())).size:
         raise UserError(f'{table.path}: rows have different numbers of columns')
