@@ -1,10 +1,13 @@
 """The nodes in this process, over real DDS."""
 
 from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass, fields
 from itertools import pairwise
 import math
 from pathlib import Path
+import time
+from types import SimpleNamespace
 
 import pytest
 
@@ -417,6 +420,46 @@ def test_a_best_effort_publisher_is_heard(context: Context, other: Node) -> None
     assert not topic.adapt()
     sensor.publish(5, 1.0, 0.0, 0.0)
     wait_for(lambda: topic.received or topic.drain(), 'a message')
+
+
+@pytest.mark.parametrize(
+    ('kind', 'topic', 'heard'),
+    [(PidNode, 'motor/reference', '_reference'), (MotorNode, 'motor/voltage_command', '_command')],
+)
+def test_a_best_effort_reference_or_command_is_heard(
+    context: Context, other: Node, kind: type[LoopNode], topic: str, heard: str
+) -> None:
+    node = kind(context)
+    qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
+    sender = vector_publisher(other, topic, '', qos)
+    run(lambda: (sender.publish(0, 5.0, 0.0, 0.0), getattr(node, heard) == 5.0)[1], node)
+    node.destroy_node()
+
+
+def test_a_middleware_without_times_and_numbers_will_do(other: Node) -> None:
+    topic = RawTopic(other, 'plain', VECTOR)
+    sender = vector_publisher(other, 'plain', 'dc')
+    wait_for(lambda: topic.publishers, 'a match')
+    real = topic._subscription
+
+    class Plain(nullcontext[None]):
+        """A handle as of CycloneDDS: it numbers nothing and does not tell when a message came."""
+
+        def take_message(self, kind: type, raw: bool) -> object:
+            with real.handle:
+                taken = real.handle.take_message(kind, raw)
+            nothing = {'received_timestamp': 0, 'publication_sequence_number': None}
+            return taken and (taken[0], nothing)
+
+    topic._subscription = SimpleNamespace(handle=Plain())
+    begin = time.time_ns()
+    for k in (1, 2, 5):
+        sender.publish(k, 1.0, 0.0, 0.0)
+    messages = []
+    wait_for(lambda: (messages.extend(topic.drain()), len(messages) == 3)[1], 'the messages')
+    assert (topic.received, topic.lost) == (3, 0)
+    assert all(begin <= m.received <= time.time_ns() for m in messages)
+    topic._subscription = real
 
 
 def test_messages_that_the_queue_lost_are_counted(other: Node) -> None:

@@ -172,7 +172,11 @@ class ExcitationNode(LoopNode):
         return next(filter(None, wrong), self._watch.silent(now))
 
     def _publish_due(self) -> None:
-        for _ in range(min(self._grid.due(self._grid.now()), BURST)):
+        due = self._grid.due(self._grid.now())
+        if self._grid.restarts:
+            self._end(State.STOPPED, 'time fell back by more than a second')
+            return
+        for _ in range(min(due, BURST)):
             stamp = self._grid.stamp
             if not self._began:
                 self._began = stamp

@@ -26,13 +26,15 @@ class SampleGrid:
     ----------
     skipped:
         Samples left out after long stalls.
+    restarts:
+        How often time fell back by more than a second.
     """
 
     def __init__(self, node: Node, rate: float) -> None:
         self._clock, self._rate = node.get_clock(), rate
         self._origin = 0
         self._count = 0
-        self.skipped = 0
+        self.skipped = self.restarts = 0
         simulated = bool(node.get_parameter('use_sim_time').value)
         self._offset = 0 if simulated else now_ns(self._clock) - time.monotonic_ns()
 
@@ -44,8 +46,10 @@ class SampleGrid:
         """Return how many samples are due."""
         if now <= 0:
             return 0
-        if self._origin == 0 or now < self.stamp - SECOND:
+        back = self._origin != 0 and now < self.stamp - SECOND
+        if self._origin == 0 or back:
             self._origin, self._count = now, 0
+            self.restarts += back
         count = int((now - self._origin) * self._rate // SECOND) + 1 - self._count
         if count > self._rate:
             self.skipped += count - 1

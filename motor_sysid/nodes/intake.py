@@ -1,6 +1,8 @@
 """Take messages in batches as raw bytes, beside the executor, and count what is lost."""
 
+from collections.abc import Mapping
 import importlib
+import time
 from typing import Any, NamedTuple
 
 from rclpy.callback_groups import CallbackGroup
@@ -34,11 +36,17 @@ class Unspun(CallbackGroup):
 
 
 class RawMessage(NamedTuple):
-    """One message as it came: CDR bytes, receive time in ns, and the writer's count."""
+    """One message as it came: CDR bytes, receive time in ns, and the writer's count, if it has."""
 
     data: bytes
     received: int
-    sequence: int
+    sequence: int | None
+
+    @classmethod
+    def of(cls, data: bytes, info: Mapping[str, int | None]) -> 'RawMessage':
+        """Return what rclpy took; not every middleware tells the time or counts (CycloneDDS)."""
+        received = info['received_timestamp'] or time.time_ns()
+        return cls(data, received, info['publication_sequence_number'])
 
 
 def message_class(name: str) -> Any:  # noqa: ANN401 - generated classes have no common type
@@ -73,7 +81,8 @@ class RawTopic:
     Attributes
     ----------
     received, lost:
-        Messages taken, and messages that the writer numbered but that never came.
+        Messages taken, and messages that the writer numbered but that never came; none where the
+        middleware does not tell the numbers.
     """
 
     def __init__(
@@ -102,24 +111,18 @@ class RawTopic:
                 taken = handle.take_message(self._class, True)
                 if taken is None:
                     break
-                data, info = taken
-                messages.append(
-                    RawMessage(
-                        data, info['received_timestamp'], info['publication_sequence_number']
-                    )
-                )
+                messages.append(RawMessage.of(*taken))
         self._count(messages)
         return messages
 
     def _count(self, messages: list[RawMessage]) -> None:
         self.received += len(messages)
-        for message in messages:
-            last = message.sequence - 1
-            if last in self._heads:
-                self._heads.remove(last)
+        for sequence in (m.sequence for m in messages if m.sequence is not None):
+            if sequence - 1 in self._heads:
+                self._heads.remove(sequence - 1)
             else:
-                self._note_jump(message.sequence)
-            self._heads.append(message.sequence)
+                self._note_jump(sequence)
+            self._heads.append(sequence)
 
     def _note_jump(self, sequence: int) -> None:
         """Tell a loss from a writer that was not heard before: each counts its own messages."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 import math
+import time
 
 from rclpy.context import Context
 from rclpy.parameter import Parameter
@@ -20,6 +21,8 @@ from motor_sysid.recording.field_reader import FieldReader
 
 BURST = 100
 """Most samples simulated in one step of the loop, so that services are served in between."""
+LOOK = 1.0
+"""Time between two looks at who sends commands, s."""
 
 
 class MotorNode(LoopNode):
@@ -46,6 +49,7 @@ class MotorNode(LoopNode):
         )
         self._reader = FieldReader('geometry_msgs/msg/Vector3Stamped', ('vector.x',))
         self._command, self._command_time = 0.0, -math.inf
+        self._next_look = 0.0
         self.create_service(Trigger, '~/reset', self._reset)
         self.settings.on_change(self._rebuild)
         self._grid = SampleGrid(self, s.rate)
@@ -67,13 +71,16 @@ class MotorNode(LoopNode):
         self._sample()
 
     def _take_commands(self, now: int) -> None:
+        if time.monotonic() >= self._next_look:
+            self._next_look = time.monotonic() + LOOK
+            self._commands.adapt()
         messages = self._commands.drain()
         if messages:
             value = float(self._reader.read(messages[-1].data)[0])
             limit = self.settings.value.limit
             self._command = max(-limit, min(limit, value)) if math.isfinite(value) else 0.0
             self._command_time = now
-        elif now - self._command_time > self.settings.value.command_timeout * 1e9:
+        elif not 0 <= now - self._command_time <= self.settings.value.command_timeout * 1e9:
             self._command = 0.0
 
     def _sample(self) -> None:

@@ -18,10 +18,12 @@ from motor_sysid.nodes.loop import main as run
 from motor_sysid.nodes.parameters import parameter, Settings
 from motor_sysid.nodes.publishing import now_ns, SECOND, vector_publisher
 from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.signals.join import RESTART
 
 STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
 GAP = 0.5
-"""After a gap of this many seconds in the stamps the controller starts anew."""
+"""After a gap of this many seconds in the stamps the controller starts anew; where they fall back
+by `RESTART`, its profile does, too."""
 FAREWELLS = 5
 """How often 0 V is sent at the end: a best-effort reader may miss some."""
 FAREWELL_STEP = SECOND // 200
@@ -126,6 +128,8 @@ class PidNode(LoopNode):
         if now >= self._next_look:
             self._next_look = now + 1.0
             self._speed.adapt()
+            if self._given is not None:
+                self._given.adapt()
         if self._given is not None:
             for message in self._given.drain()[-1:]:
                 value = float(self._read_reference(message.data)[0])
@@ -144,6 +148,8 @@ class PidNode(LoopNode):
 
     def _answer(self, stamp: int, speed: float) -> None:
         last, self._last = self._last, stamp
+        if last is not None and stamp < last - RESTART:
+            self._begin()
         if last is None or stamp <= last or not math.isfinite(speed):
             return
         if not self._enabled:
@@ -172,9 +178,14 @@ class PidNode(LoopNode):
         self._own.publish(stamp, reference, 0.0, 0.0)
         return reference
 
-    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        self._enabled, self._start = True, None
+    def _begin(self) -> None:
+        """Start the profile with the next sample, the controller without a memory."""
+        self._start = None
         self._pid.reset()
+
+    def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        self._enabled = True
+        self._begin()
         response.success, response.message = True, 'started'
         return response
 
