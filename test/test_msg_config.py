@@ -99,6 +99,26 @@ signals:
     assert record['current'] == pytest.approx((2 * (k + 4) + 1) * 1e-3)
 
 
+@pytest.mark.parametrize(
+    ('header', 'origins'),
+    [
+        ('t,pwm,battery', {'supply_voltage': 'battery', 'voltage': 'duty * _battery'}),
+        ('t,pwm', {'supply_voltage': '24', 'voltage': '12'}),
+    ],
+)
+def test_the_origin_is_the_source_that_was_used(
+    tmp_path: Path, header: str, origins: dict[str, str]
+) -> None:
+    path = csv(tmp_path / 'a.csv', header)
+    text = (
+        'time: t\nsignals:\n  duty: {column: pwm}\n'
+        '  supply_voltage: [{column: battery, optional: true}, {constant: 24}]\n'
+        '  _battery: {column: battery, optional: true}\n'
+        '  voltage: [{product: [duty, _battery], optional: true}, {constant: 12}]\n'
+    )
+    assert load(path, config(tmp_path / 'a.yaml', text)).origins == {'duty': 'pwm', **origins}
+
+
 def test_a_gear_divides_motion_and_multiplies_forces(tmp_path: Path) -> None:
     path = csv(tmp_path / 'a.csv', 't,v,a,m,x')
     text = (

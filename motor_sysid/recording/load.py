@@ -120,34 +120,40 @@ def _finished(
     provenance = Provenance(str(path))
     records: list[Record] = []
     for part in parts:
-        rows, told = _with_voltage(_with_computed(part, computed))
+        rows, used = _with_computed(part, computed)
+        rows, told = _with_voltage(rows)
+        origins |= {source.signal: source.describe() for source in used}
         findings = [*findings, *told]
         new, more = records_from(rows, provenance, config.max_gap)
         records += new
         findings = findings + more
     if records and VOLTAGE in records[0] and VOLTAGE not in origins:
         origins[VOLTAGE] = ' * '.join(DUTY)
-    for source in computed:
-        if records and source.signal in records[0]:
-            origins[source.signal] = source.describe()
     if not records or not records[0].signals:
         reasons = ' '.join(f'{finding.message}.' for finding in findings)
         raise UserError(
             f'{path} has no two complete samples in a row; record a few seconds. {reasons}'
         )
-    kept = {name: text for name, text in origins.items() if not name.startswith('_')}
+    kept = {n: text for n, text in origins.items() if any(n in record for record in records)}
     return Loaded(tuple(records), _unique(findings), str(path), kept)
 
 
-def _with_computed(rows: Rows, computed: list[Source]) -> Rows:
-    """Add products, sums and constants in the order in which they need each other."""
-    signals, units = dict(rows.signals), dict(rows.units)
+def _with_computed(rows: Rows, computed: list[Source]) -> tuple[Rows, list[Source]]:
+    """Add products, sums and constants, in the order in which they need each other.
+
+    Returns
+    -------
+    tuple
+        The rows, and the sources that were used: those of signals that had no other.
+    """
+    signals, units, used = dict(rows.signals), dict(rows.units), list[Source]()
     waiting = list(computed)
     while ready := [s for s in waiting if all(part in signals for part in s.parts)]:
         for source in ready:
             if source.signal not in signals:
                 signals[source.signal] = source.to_si(_combined(source, signals, rows.time))
                 units[source.signal] = source.si_unit()
+                used.append(source)
         waiting = [source for source in waiting if source not in ready]
     missing = [s for s in waiting if not s.optional and s.signal not in signals]
     if missing:
@@ -156,7 +162,7 @@ def _with_computed(rows: Rows, computed: list[Source]) -> Rows:
             f'`{missing[0].signal}` is computed from {", ".join(lacking)}, which the data lacks'
         )
     kept = {name: values for name, values in signals.items() if not name.startswith('_')}
-    return replace(rows, signals=kept, units=units)
+    return replace(rows, signals=kept, units=units), used
 
 
 def _with_voltage(rows: Rows) -> tuple[Rows, list[Finding]]:
