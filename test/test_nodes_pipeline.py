@@ -234,11 +234,12 @@ def pipeline(sources: Sequence[Source] = DEFAULT_SOURCES) -> Pipeline:
     return Pipeline(plan, readers, stream, ('voltage',), ('current', 'speed'), 100)
 
 
-def push(target: Pipeline, count: int) -> None:
+def push(target: Pipeline, count: int, start: int = 0) -> None:
     for k in range(count):
-        target.push(0, vector(k * 2_000_000, 1.0 + k), 0)
-        target.push(1, vector(k * 2_000_000, 2.0), 0)
-        target.push(2, joint(k * 2_000_000, ['m'], [0.1 * k], [3.0]), 0)
+        stamp = start + k * 2_000_000
+        target.push(0, vector(stamp, 1.0 + k), 0)
+        target.push(1, vector(stamp, 2.0), 0)
+        target.push(2, joint(stamp, ['m'], [0.1 * k], [3.0]), 0)
 
 
 def test_the_window_keeps_the_last_samples_as_a_record() -> None:
@@ -253,6 +254,20 @@ def test_the_window_keeps_the_last_samples_as_a_record() -> None:
     short = target.record(0.1)
     assert short is not None
     assert len(short) == 50
+
+
+def test_the_window_begins_anew_where_the_stamps_fall_back() -> None:
+    target = pipeline()
+    for start, count in ((500 * SECOND, 80), (20 * SECOND, 30)):
+        push(target, count, start)
+        target.advance()
+        record = target.record()
+        assert record is not None
+        assert record['voltage'].tolist() == [1.0 + k for k in range(count)]
+    push(target, 150, SECOND)  # more than it holds, and falls back within one batch
+    push(target, 40, 0)
+    target.advance()
+    assert target.window.last()[0].tolist() == [k * 2_000_000 for k in range(40)]
 
 
 def test_units_and_signs_are_those_of_the_msg_config() -> None:

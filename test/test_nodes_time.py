@@ -1,6 +1,7 @@
-"""Simulated time: where it falls back what drives begins anew or ends safely."""
+"""Time that falls back: what drives begins anew or ends safely, what listens goes on."""
 
 from collections.abc import Callable, Iterator
+from types import SimpleNamespace
 
 import pytest
 
@@ -12,13 +13,16 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros_harness import wait_for
 from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
 
 from motor_sysid.control.profile import Profile
 from motor_sysid.nodes.excitation import ExcitationNode, State
+from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.intake import RawTopic
 from motor_sysid.nodes.loop import Loop, LoopNode
 from motor_sysid.nodes.motor import MotorNode
 from motor_sysid.nodes.pid import PidNode
+from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.publishing import joint_publisher, SECOND, vector_publisher
 from motor_sysid.recording.field_reader import FieldReader
 
@@ -53,6 +57,25 @@ def make(context: Context) -> Iterator[Callable[..., LoopNode]]:
     yield build
     for node in made:
         node.destroy_node()
+
+
+def send(other: Node, pipeline: Pipeline, node: LoopNode, *starts: int) -> None:
+    """Give an identifier 2 s of a motor that turns to and fro from each stamp (ns) on."""
+    volts = vector_publisher(other, 'motor/voltage', 'dc')
+    amperes = vector_publisher(other, 'motor/current', 'dc')
+    speed = joint_publisher(other, 'motor/speed', 'motor', ('position', 'velocity'))
+    wait_for(lambda: (node.step(), all(t.publishers for t in node._topics))[1], 'a match')
+    for start in starts:
+        for k in range(200):
+            stamp, wave = start + k * STEP, 1.0 if k // 20 % 2 else -1.0
+            volts.publish(stamp, 6.0 * wave, 0.0, 0.0)
+            amperes.publish(stamp, 0.3 * wave + 0.001 * (k % 7), 0.0, 0.0)
+            speed.publish(stamp, 0.01 * k, 40.0 * wave + 0.1 * (k % 5))
+    count = 200 * len(starts)
+    wait_for(
+        lambda: (node.step(), pipeline.join.counts.joined == count and not node.hurry)[1], 'all'
+    )
+    node._send(0)
 
 
 class Heard:
@@ -154,3 +177,35 @@ def test_the_motor_forgets_a_command_of_the_future(
     clock.go(20 * SECOND)
     clock.turn(lambda: voltage.look()[-1][0] == 20 * SECOND, 'a sample')
     assert voltage.values[-1][1] == 0.0
+
+
+def test_refits_go_on_with_the_new_samples(
+    make: Callable[..., LoopNode], other: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = make(IdentifierNode, refit_period=0.5, refit_window=1.0)
+    asked = []
+    monkeypatch.setattr(
+        node._work._jobs, 'ask', lambda kind, make: asked.append((kind, make())) or True
+    )
+    send(other, node._pipeline, node, 500 * SECOND, 20 * SECOND)
+    assert node._pipeline.join.counts.restarts == 1
+    assert [kind for kind, _ in asked] == ['refit'] * 4, 'at 1.0 and 1.5 s of either'
+    for _, job in asked:
+        assert job.record.duration == pytest.approx(1.0, abs=0.02)
+    assert node._on_refit(Trigger.Request(), Trigger.Response()).success
+    assert asked[-1][1].record['position'][-1] == pytest.approx(1.99)
+
+
+def test_a_refit_without_samples_is_refused_and_one_that_lost_them_says_so(
+    make: Callable[..., LoopNode], other: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = make(IdentifierNode)
+    told: list[str] = []
+    monkeypatch.setattr(node._work, '_logger', SimpleNamespace(warning=told.append))
+    send(other, node._pipeline, node, SECOND)
+    assert node._on_refit(Trigger.Request(), Trigger.Response()).success
+    assert node._on_reset(Trigger.Request(), Trigger.Response()).success
+    node._work.poll()
+    assert told == ['no refit: there are fewer than two samples in the last 10 s']
+    answer = node._on_refit(Trigger.Request(), Trigger.Response())
+    assert (answer.success, answer.message) == (False, told[0].removeprefix('no refit: '))

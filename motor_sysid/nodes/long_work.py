@@ -1,6 +1,7 @@
 """Refits and diagnoses of an identifier: when they are due, what goes in, what came out."""
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
 from motor_sysid.errors import UserError
@@ -50,6 +51,7 @@ class LongWork:
     def __init__(self, logger: Logger) -> None:
         self._logger, self._jobs = logger, Jobs()
         self._due = dict.fromkeys((REFIT, DIAGNOSIS), 0)
+        self._seen = 0
         self.fitted: RefitOutcome | None = None
         self.diagnosis: DiagnosisOutcome | None = None
 
@@ -74,13 +76,16 @@ class LongWork:
         self, event: Event, pipeline: Pipeline, configuration: Configuration,
         settings: IdentifierSettings,
     ) -> None:  # fmt: skip
-        """Ask for what is due by the sample time of an event."""
+        """Ask for what is due by the sample time of an event; it may begin anew."""
+        if event.stamp < self._seen:
+            self.reset()
+        self._seen = event.stamp
         periods = {REFIT: settings.refit_period, DIAGNOSIS: settings.diagnose_period}
         for kind, period in periods.items():
             full = event.stamp - event.first_stamp >= _window(kind, settings) * SECOND
             if period and full and event.stamp >= self._due[kind]:
                 self._due[kind] = event.stamp + round(period * SECOND)
-                self._jobs.ask(kind, lambda k=kind: _job(k, pipeline, configuration, settings))  # type: ignore[misc]
+                self._jobs.ask(kind, partial(self._make, kind, pipeline, configuration, settings))
 
     def ask(
         self, kind: str, pipeline: Pipeline | None, configuration: Configuration,
@@ -91,12 +96,24 @@ class LongWork:
         Raises
         ------
         UserError
-            If there are no samples yet, or one of this kind is on its way.
+            If there are too few samples yet, or one of this kind is on its way.
         """
-        if pipeline is None or len(pipeline.window) < 2:
-            raise UserError('there are no samples yet')
-        if not self._jobs.ask(kind, lambda: _job(kind, pipeline, configuration, settings)):
+        seconds = _window(kind, settings)
+        if pipeline is None or pipeline.record(seconds) is None:
+            raise UserError(_too_few(seconds))
+        make = partial(self._make, kind, pipeline, configuration, settings)
+        if not self._jobs.ask(kind, make):
             raise UserError(f'a {kind} runs already')
+
+    def _make(
+        self, kind: str, pipeline: Pipeline, configuration: Configuration,
+        settings: IdentifierSettings,
+    ) -> RefitJob | DiagnosisJob | None:  # fmt: skip
+        """Return the job on the samples at hand, or say why there is none."""
+        job = _job(kind, pipeline, configuration, settings)
+        if job is None:
+            self._logger.warning(f'no {kind}: {_too_few(_window(kind, settings))}')
+        return job
 
     def poll(self) -> News:
         """Take what came back, and start what waits."""
@@ -120,10 +137,14 @@ def _window(kind: str, settings: IdentifierSettings) -> float:
     return settings.refit_window if kind == REFIT else settings.diagnose_window
 
 
+def _too_few(seconds: float) -> str:
+    return f'there are fewer than two samples in the last {seconds:g} s'
+
+
 def _job(
     kind: str, pipeline: Pipeline, configuration: Configuration, settings: IdentifierSettings
 ) -> RefitJob | DiagnosisJob | None:
-    """Return the job on the samples at hand; None if they are too few or not in order."""
+    """Return the job on the samples at hand; None if they are too few."""
     record = pipeline.record(_window(kind, settings))
     if record is None:
         return None

@@ -30,7 +30,7 @@ LONGEST_BACKLOG = 100_000
 
 
 class Window:
-    """The last samples, in a ring of fixed size.
+    """The last samples, in a ring of fixed size; it begins anew where the stamps fall back.
 
     Parameters
     ----------
@@ -198,11 +198,11 @@ class Pipeline:
         self.window.clear()
 
     def record(self, seconds: float = math.inf) -> Record | None:
-        """Return the last samples as a record; None if there are too few or time falls back."""
+        """Return the last samples as a record; None if there are too few."""
         stamps, values = self.window.last()
         keep = stamps > (stamps[-1] - seconds * SECOND if stamps.size else 0)
         stamps, values = stamps[keep], values[keep]
-        if stamps.size < 2 or np.any(np.diff(stamps) <= 0):
+        if stamps.size < 2:
             return None
         finite = [
             k
@@ -219,9 +219,11 @@ class Pipeline:
 
 @njit(cache=True)
 def _append(ring_stamps, ring_values, taken, stamps, values, good):  # type: ignore[no-untyped-def]
-    """Add good samples to the ring; return how many it was given so far."""
+    """Add good samples to the ring; return how many it was given since they began (anew)."""
     for k in range(stamps.size):
         if good[k]:
+            if taken and stamps[k] <= ring_stamps[(taken - 1) % ring_stamps.size]:
+                taken = 0
             row = taken % ring_stamps.size
             ring_stamps[row] = stamps[k]
             for j in range(values.shape[1]):
