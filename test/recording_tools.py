@@ -104,15 +104,24 @@ def write_bag(path: Path, topics: Mapping[str, Topic], storage: str = 'sqlite3')
         for name, (_, messages) in topics.items()
         for received, data in messages
     ]
+    kinds = {name: msgtype for name, (msgtype, _) in topics.items()}
+    return write_rows(path, kinds, sorted(rows, key=lambda row: row[0]), storage)
+
+
+def write_rows(
+    path: Path, kinds: Mapping[str, str], rows: Sequence[tuple[int, str, bytes]],
+    storage: str = 'sqlite3',
+) -> Path:  # fmt: skip
+    """Write (receive time, topic, CDR) into a new bag as they come; `kinds` are the types."""
     with BagWriter(path, storage) as bag:
-        for name, (msgtype, _) in topics.items():
+        for name, msgtype in kinds.items():
             own = msgtype.startswith('demo_msgs')
             bag.add_topic(
                 name, msgtype,
                 definition=types().generate_msgdef(msgtype, ros_version=2)[0] if own else None,
                 digest=types().hash_rihs01(msgtype) if own else None,
             )  # fmt: skip
-        for received, name, data in sorted(rows, key=lambda row: row[0]):
+        for received, name, data in rows:
             bag.write(name, received, data)
     return path
 

@@ -1,5 +1,6 @@
 """Bags: whole, damaged, with custom types, out of order; and what is said about each."""
 
+from collections.abc import Callable
 import contextlib
 from pathlib import Path
 import shutil
@@ -15,6 +16,7 @@ from recording_tools import (
     START,
     vector,
     write_bag,
+    write_rows,
 )
 import yaml
 
@@ -26,6 +28,7 @@ from motor_sysid.signals import Record
 
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 JOINTS = 'sensor_msgs/msg/JointState'
+Row = tuple[int, str, bytes]
 
 
 def codes(loaded: Loaded) -> set[str]:
@@ -265,6 +268,97 @@ def test_clock_that_starts_anew_gives_two_records(tmp_path: Path) -> None:
     assert [len(part) for part in loaded.records] == [100, 100]
     assert all(same(part, record) for part in loaded.records)
     assert 'time_jumps_back' in codes(loaded)
+
+
+KINDS = {'/motor/voltage': VECTOR, '/motor/speed': JOINTS}
+
+
+def drive(count: int, received: Callable[[int], int], stamp: Callable[[int], int]) -> list[Row]:
+    """Return messages as they were stored, one of each kind for each sample k."""
+    rows = []
+    for k in range(count):
+        angle, speed = 0.01 * k, float(np.cos(k / 50))
+        rows.append((received(k), '/motor/speed', joints(stamp(k), ['a'], [angle], [speed])))
+        rows.append((received(k) + 1000, '/motor/voltage', vector(stamp(k), np.sin(k / 50))))
+    return rows
+
+
+@pytest.mark.parametrize('storage', ['sqlite3', 'mcap'])
+@pytest.mark.parametrize('back', [500 * MS, 500 * MS + 400_000, 3600_000 * MS])
+def test_a_clock_that_is_set_back_shuffles_nothing(
+    tmp_path: Path, storage: str, back: int
+) -> None:
+    """Of the recorder alone it costs nothing; of what stamps the messages, too, a new record."""
+    def wrong(k: int) -> int:
+        return START + k * MS - back * (k >= 1000)
+
+    def right(k: int) -> int:
+        return START + k * MS
+
+    alone = load(write_rows(tmp_path / 'alone', KINDS, drive(2000, wrong, right), storage))
+    (record,) = alone.records
+    assert np.diff(record['position']) == pytest.approx(0.01)
+    assert codes(alone) == {'clock_set_back'}
+
+    both = load(write_rows(tmp_path / 'both', KINDS, drive(2000, wrong, wrong), storage))
+    assert [len(one) for one in both.records] == [1000, 1000]
+    for one, begin in zip(both.records, (0.0, 10.0), strict=True):
+        assert one['position'] == pytest.approx(begin + 0.01 * np.arange(1000))
+    assert {'clock_set_back', 'time_jumps_back'} == codes(both)
+
+
+@pytest.mark.parametrize('stamp', ['header', 'receive'])
+@pytest.mark.parametrize('phase', [0, 300_000])
+def test_a_simulation_that_starts_anew_begins_a_new_record(
+    tmp_path: Path, phase: int, stamp: str
+) -> None:
+    """Its time was recorded as that of reception, so both runs have the same times."""
+    def clock(k: int) -> int:
+        return 1000 * MS + (k % 300) * MS + phase * (k >= 300)
+
+    rows = drive(600, clock, clock)
+    late = [(clock(k), '/motor/reference', vector(clock(k), k)) for k in (450, 500)]
+    rows = rows[:900] + late[:1] + rows[900:1000] + late[1:] + rows[1000:]
+    config = tmp_path / 'mine.yaml'
+    config.write_text(
+        f"stamp: {stamp}\nsignals:\n  position: {{topic: motor/speed, field: 'position[0]'}}\n"
+        '  voltage: {topic: motor/voltage, field: vector.x}\n'
+        '  speed_reference: {topic: motor/reference, field: vector.x}\n'
+    )
+    bag = write_rows(tmp_path / 'bag', {**KINDS, '/motor/reference': VECTOR}, rows, 'mcap')
+    first, second = load(bag, config).records
+    assert first['position'] == pytest.approx(0.01 * np.arange(len(first)), abs=0.011)
+    assert set(second['speed_reference']) == {450.0, 500.0}
+    assert 'speed_reference' not in first
+    assert len(first) >= 299
+    received = [row[1] for row in Bag(bag).iterate()]
+    assert received == sorted(received)
+
+
+def test_what_threads_of_a_recorder_swapped_is_no_clock_set_back(tmp_path: Path) -> None:
+    rows = drive(1000, lambda k: START + k * MS, lambda k: START + k * MS)
+    rng = np.random.default_rng(0)
+    order = np.argsort(np.arange(len(rows)) + rng.uniform(0, 12, len(rows)))
+    swapped = load(write_rows(tmp_path / 'swapped', KINDS, [rows[k] for k in order], 'mcap'))
+    by_topic = sorted(rows, key=lambda row: row[1])
+    apart = load(write_rows(tmp_path / 'apart', KINDS, by_topic, 'mcap'))
+    for loaded in (swapped, apart):
+        assert [len(one) for one in loaded.records] == [1000]
+        assert not codes(loaded)
+
+
+def test_a_damaged_file_keeps_the_order_of_storage(tmp_path: Path) -> None:
+    def clock(k: int) -> int:
+        return START + k * MS - 500 * MS * (k >= 1000)
+
+    file = storage_file(write_rows(tmp_path / 'bag', KINDS, drive(3000, clock, clock)))
+    broken = tmp_path / 'broken.db3'
+    broken.write_bytes(file.read_bytes()[:-70_000])
+    loaded = load(broken)
+    first, second = loaded.records
+    assert {'damaged_bag', 'clock_set_back'} <= codes(loaded)
+    assert (len(first), len(second) > 1000) == (1000, True)
+    assert np.diff(second['position']) == pytest.approx(10 * np.diff(second.time), rel=1e-4)
 
 
 def test_lost_messages_make_a_gap(tmp_path: Path) -> None:

@@ -159,6 +159,15 @@ def test_gap_and_jump_give_several_records(tmp_path: Path) -> None:
     assert codes(loaded) == {'repeated_stamps'}
 
 
+@pytest.mark.parametrize('phase', [0.0, 0.0004])
+def test_a_clock_set_back_within_a_step_is_no_overtaking(tmp_path: Path, phase: float) -> None:
+    rows = ramp(2000)
+    again = [f'{0.001 * k - phase:.6f},1,{k}' for k in range(1800, 3500)]
+    loaded = load(table(tmp_path / 'a.csv', HEADER, rows + again))
+    assert [len(r) for r in loaded.records] == [2000, 1700]
+    assert codes(loaded) == {'time_jumps_back'}
+
+
 def test_irregular_sampling_is_no_gap(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
     steps = np.where(rng.random(500) < 0.1, 0.1, 0.005)

@@ -190,7 +190,7 @@ class _Reader:
     def _stamps(self, source: Source, topic: Topic) -> NDArray[np.int64]:
         messages = self.messages[topic.name]
         if source.stamp == 'receive':
-            return messages.received
+            return messages.shown
         path = 'header.stamp' if source.stamp == 'header' else source.stamp
         if source.stamp == 'header' and 'header' not in field_names(self.types, topic.msgtype):
             raise UserError(

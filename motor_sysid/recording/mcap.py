@@ -16,7 +16,7 @@ import zlib
 import numpy as np
 
 from motor_sysid.errors import UserError
-from motor_sysid.recording.messages import Bytes, concatenate, from_list, Messages, Topic
+from motor_sysid.recording.messages import Bytes, concatenate, from_list, Messages, stored, Topic
 from motor_sysid.signals.finding import Finding, Severity
 
 MAGIC = b'\x89MCAP0\r\n'
@@ -73,15 +73,17 @@ class McapFile:
         return tuple({topic.name: topic for topic in self._channels.values()}.values())
 
     def read(self, names: Collection[str]) -> dict[str, Messages]:
-        """Return the messages of the named topics, in the order in which they were received."""
+        """Return the messages of the named topics, in the order in which they were stored."""
         self._lost = ''
+        begin = 0
         pieces: dict[str, list[Messages]] = defaultdict(list)
         for region, index in self._regions():
             found = _indexed(region, index) or _walked(region)
             for channel, messages in found.items():
                 topic = self._channels.get(channel)
                 if topic and topic.name in names:
-                    pieces[topic.name].append(messages)
+                    pieces[topic.name].append(messages.behind(begin))
+            begin += len(region)
         if self._lost:
             self.findings.append(_damage(self.path, self._lost))
         return {name: concatenate(pieces[name]) for name in names if name in pieces}
@@ -207,17 +209,18 @@ def _indexed(region: memoryview, index: list[memoryview]) -> Mapping[int, Messag
     for content in index:
         channel, _ = struct.unpack_from('<HI', content)
         pairs = np.frombuffer(content[6 : 6 + (len(content) - 6) // 16 * 16], '<u8')
-        starts = pairs[1::2].astype(np.int64)
+        starts = np.sort(pairs[1::2].astype(np.int64))
         if starts.size == 0:
             continue
-        if starts.min() < 0 or starts.max() + 31 > data.size:
+        if starts[0] < 0 or starts[-1] + 31 > data.size:
             return {}
         heads = data[starts[:, None] + np.arange(31)]
         sizes = heads[:, 1:9].copy().view('<u8').ravel().astype(np.int64)
         if np.any(heads[:, 0] != MESSAGE) or np.any(starts + 9 + sizes > data.size):
             return {}
         logged = heads[:, 15:23].copy().view('<u8').ravel().astype(np.int64)
-        found[channel] = Messages(logged, _gather(data, starts + 31, sizes - 22), sizes - 22)
+        blob = _gather(data, starts + 31, sizes - 22)
+        found[channel] = stored(logged, blob, sizes - 22, starts)
     return found
 
 
@@ -234,12 +237,14 @@ def _walked(region: memoryview) -> Mapping[int, Messages]:
     """Messages by channel, found by walking a region that has no index."""
     logged: dict[int, list[int]] = defaultdict(list)
     parts: dict[int, list[bytes]] = defaultdict(list)
+    places: dict[int, list[int]] = defaultdict(list)
     for opcode, start, end in _inner(region):
         if opcode == MESSAGE and end - start >= 22:
             _, _, channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(region, start - 9)
             logged[channel].append(log_time)
             parts[channel].append(bytes(region[start + 22 : end]))
-    return {channel: from_list(logged[channel], parts[channel]) for channel in logged}
+            places[channel].append(start)
+    return {key: from_list(logged[key], parts[key], places[key]) for key in logged}
 
 
 def _decompressed(compression: str, payload: memoryview) -> bytes:

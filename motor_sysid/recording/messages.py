@@ -1,7 +1,7 @@
 """Messages of one topic as columns: receive times and one block of bytes."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,6 +38,10 @@ class Topic:
     serialization: str = 'cdr'
 
 
+def _none() -> Stamps:
+    return np.empty(0, np.int64)
+
+
 @dataclass(frozen=True)
 class Messages:
     """The messages of one topic.
@@ -45,16 +49,23 @@ class Messages:
     Attributes
     ----------
     received:
-        (N,) ns, time at which the recorder got each message.
+        (N,) ns, when the recorder got each message.
     blob:
         (B,) uint8, all messages one after the other.
     lengths:
         (N,) bytes of each message; their sum is B.
+    places:
+        (N,) grow in the order in which the messages of all topics were stored.
+    shown:
+        (N,) ns, what the recorder's clock showed then: `received`, but for clocks that were set
+        back (see `motor_sysid.recording.reception`).
     """
 
-    received: Stamps = field(default_factory=lambda: np.empty(0, np.int64))
+    received: Stamps = field(default_factory=_none)
     blob: Bytes = field(default_factory=lambda: np.empty(0, np.uint8))
-    lengths: Stamps = field(default_factory=lambda: np.empty(0, np.int64))
+    lengths: Stamps = field(default_factory=_none)
+    places: Stamps = field(default_factory=_none)
+    shown: Stamps = field(default_factory=_none)
 
     def __len__(self) -> int:
         """Return the number of messages."""
@@ -90,33 +101,48 @@ class Messages:
             rows = np.flatnonzero(self.lengths == length)
             yield rows, self.blob[starts[rows, None] + np.arange(length)]
 
-    def in_time_order(self) -> 'Messages':
-        """Return the messages sorted by receive time (stable)."""
-        if np.all(np.diff(self.received) >= 0):
+    def behind(self, place: int) -> 'Messages':
+        """Return the messages as they lie in a file or chunk that begins at that place."""
+        return replace(self, places=self.places + place)
+
+    def sorted_by(self, keys: Stamps) -> 'Messages':
+        """Return the messages in the order of (N,) keys (stable)."""
+        if np.all(np.diff(keys) >= 0):
             return self
-        order = np.argsort(self.received, kind='stable')
+        order = np.argsort(keys, kind='stable')
         parts = list(self)
         blob = b''.join(parts[i] for i in order)
         return Messages(
-            self.received[order], np.frombuffer(blob, np.uint8), self.lengths[order]
-        )
+            self.received[order], np.frombuffer(blob, np.uint8), self.lengths[order],
+            self.places[order], self.shown[order],
+        )  # fmt: skip
 
 
-def from_list(received: Sequence[int], parts: Sequence[bytes]) -> Messages:
+def stored(received: Stamps, blob: Bytes, lengths: Stamps, places: Stamps) -> Messages:
+    """Return messages as they lie in a file."""
+    return Messages(received, blob, lengths, places, received)
+
+
+def from_list(
+    received: Sequence[int], parts: Sequence[bytes], places: Sequence[int]
+) -> Messages:
     """Pack a list of messages."""
-    return Messages(
+    return stored(
         np.array(received, dtype=np.int64),
         np.frombuffer(b''.join(parts), np.uint8),
         np.fromiter(map(len, parts), np.int64, len(parts)),
+        np.array(places, dtype=np.int64),
     )
 
 
 def concatenate(pieces: Sequence[Messages]) -> Messages:
-    """Join messages of one topic from several files or chunks, in time order."""
+    """Join messages of one topic from several files or chunks, in the order of storage."""
     if not pieces:
         return Messages()
-    return Messages(
+    joined = stored(
         np.concatenate([piece.received for piece in pieces]),
         np.concatenate([piece.blob for piece in pieces]),
         np.concatenate([piece.lengths for piece in pieces]),
-    ).in_time_order()
+        np.concatenate([piece.places for piece in pieces]),
+    )
+    return joined.sorted_by(joined.places)

@@ -12,6 +12,7 @@ import yaml
 from motor_sysid.errors import UserError
 from motor_sysid.recording.mcap import McapFile
 from motor_sysid.recording.messages import concatenate, from_list, Messages, Topic
+from motor_sysid.recording.reception import in_one_time
 from motor_sysid.recording.sqlite import SqliteFile
 from motor_sysid.signals.finding import Finding, Severity
 
@@ -63,6 +64,7 @@ class Bag:
     def read(self, names: Collection[str]) -> dict[str, Messages]:
         """Return the messages of the named topics, each in the order of reception."""
         pieces: dict[str, list[Messages]] = {name: [] for name in names}
+        begin = 0
         for file in self._files:
             already = len(file.findings)
             try:
@@ -72,9 +74,13 @@ class Bag:
                     f'{file.path} is damaged beyond reading ({error}); copy it again'
                 ) from None
             for name, messages in found.items():
-                pieces[name].append(self._decompressed(messages))
+                pieces[name].append(self._decompressed(messages).behind(begin))
+            begin += 1 + max((int(m.places[-1]) for m in found.values() if len(m)), default=0)
             self.findings += file.findings[already:]
-        return {name: concatenate(found) for name, found in pieces.items() if found}
+        read = {name: concatenate(found) for name, found in pieces.items() if found}
+        read, told = in_one_time(read)
+        self.findings += [finding for finding in told if finding not in self.findings]
+        return read
 
     def iterate(self, names: Collection[str] = ()) -> Iterator[tuple[str, int, bytes]]:
         """Yield (topic, receive time in ns, CDR bytes) in the order of reception.
@@ -155,7 +161,8 @@ class Bag:
     def _decompressed(self, messages: Messages) -> Messages:
         if not self._compressed_messages:
             return messages
-        return from_list(messages.received.tolist(), [_zstd(part) for part in messages])
+        parts = [_zstd(part) for part in messages]
+        return from_list(messages.received.tolist(), parts, messages.places.tolist())
 
 
 def _storage_files(folder: Path) -> list[Path]:
@@ -165,7 +172,8 @@ def _storage_files(folder: Path) -> list[Path]:
         for file in folder.iterdir()
         if file.suffix in STORAGES or file.name.endswith(('.db3.zstd', '.mcap.zstd'))
     ]
-    return sorted(files, key=lambda file: [int(n) for n in re.findall(r'\d+', file.stem)] or [0])
+    numbers = {file: [int(n) for n in re.findall(r'\d+', file.stem)] or [0] for file in files}
+    return sorted(files, key=lambda file: (numbers[file], file.name))
 
 
 def _zstd(data: bytes) -> bytes:

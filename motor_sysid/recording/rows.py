@@ -23,6 +23,8 @@ ORDER = {channel.name: i for i, channel in enumerate(CHANNELS)}
 MOST_LATE = 0.2
 LATEST = 1.0
 """Rows count as overtaken, not as a new start, up to this share and delay (s)."""
+ROOM = 1.5
+"""Median steps between the two neighbours of a late row, where a place was left free for it."""
 EPOCH = 1e7
 """A time above this (s) is a date; the record then starts at 0."""
 
@@ -121,7 +123,8 @@ def true_order(time: Array) -> NDArray[np.intp] | None:
 
     A row is late if its time lies before that of a row above it.  Few such rows, by little, that
     fall into places left free for them were overtaken on the way (random transport delays); a
-    clock that was set back leaves no such places, and None is returned.
+    clock that was set back leaves no such places, whatever the phase in which it goes on, and None
+    is returned.
 
     Parameters
     ----------
@@ -130,12 +133,13 @@ def true_order(time: Array) -> NDArray[np.intp] | None:
     """
     depth = np.maximum.accumulate(time) - time
     late = depth > 0
-    order = np.argsort(time, kind='stable')
-    steps = np.diff(time[order])
     if np.mean(late) > MOST_LATE or np.max(depth) > LATEST:
         return None
-    crowded = np.sum(steps < 0.3 * np.median(steps))
-    return order if crowded < 0.5 * np.sum(late) else None
+    order = np.argsort(time, kind='stable')
+    steps = np.diff(time[order])
+    room = np.concatenate((steps, [np.inf])) + np.concatenate(([np.inf], steps))
+    crowded = room[late[order]] < ROOM * np.median(steps)
+    return order if np.mean(crowded) < 0.5 else None
 
 
 def _in_order(rows: Rows, findings: list[Finding]) -> Rows:

@@ -12,8 +12,8 @@ from motor_sysid.recording.messages import from_list, Messages, Topic
 from motor_sysid.recording.sqlite_pages import is_cut_short, page_size_of, rows_of
 from motor_sysid.signals.finding import Finding, Severity
 
-Rows = dict[str, tuple[list[int], list[bytes]]]
-"""Receive times (ns) and messages by topic."""
+Rows = dict[str, tuple[list[int], list[bytes], list[int]]]
+"""Receive times (ns), messages and their numbers in the file, by topic."""
 
 MOST = 1 << 40
 """Bytes to which a damaged file is filled up at most (its header may be nonsense)."""
@@ -55,7 +55,7 @@ class SqliteFile:
             self._pad()
 
     def read(self, names: Collection[str]) -> dict[str, Messages]:
-        """Return the messages of the named topics, in the order in which they were received."""
+        """Return the messages of the named topics, in the order in which they were stored."""
         with closing(self._connect()) as database:
             identities = dict(database.execute('SELECT name, id FROM topics'))
             wanted = {name: identities[name] for name in names if name in identities}
@@ -65,7 +65,7 @@ class SqliteFile:
                 self._damaged = True
         if self._damaged:
             rows = self._salvage(wanted)
-        return {name: from_list(*found).in_time_order() for name, found in rows.items()}
+        return {name: from_list(*found) for name, found in rows.items()}
 
     def _connect(self) -> sqlite3.Connection:
         mode = 'immutable=1' if self._copy is None else 'mode=rw'
@@ -136,27 +136,33 @@ class SqliteFile:
 
     def _salvage(self, wanted: Mapping[str, int]) -> Rows:
         """Collect the messages that lie in whole pages."""
-        found: Rows = {name: ([], []) for name in wanted}
+        found: Rows = {name: ([], [], []) for name in wanted}
         names = {identity: name for name, identity in wanted.items()}
-        for _, (_, topic, received, data) in rows_of(self.path.read_bytes(), MESSAGE_COLUMNS):
+        rows = sorted(rows_of(self.path.read_bytes(), MESSAGE_COLUMNS), key=lambda row: row[0])
+        for place, (_, (_, topic, received, data)) in enumerate(rows):
             if not isinstance(received, int) or not isinstance(data, bytes) or received <= 0:
                 continue
             if isinstance(topic, int) and topic in names:
-                found[names[topic]][0].append(received)
-                found[names[topic]][1].append(data)
-        self.findings.append(_damage(self.path, sum(len(parts) for _, parts in found.values())))
+                all_received, parts, places = found[names[topic]]
+                all_received.append(received)
+                parts.append(data)
+                places.append(place)
+        count = sum(len(parts) for _, parts, _ in found.values())
+        self.findings.append(_damage(self.path, count))
         return found
 
 
 def _rows(database: sqlite3.Connection, wanted: Mapping[str, int]) -> Rows:
-    """Return receive times and bytes by topic."""
+    """Return receive times, bytes and numbers by topic."""
     found: Rows = {}
     for name, identity in wanted.items():
         rows = database.execute(
-            'SELECT timestamp, data FROM messages WHERE topic_id = ?', (identity,)
+            'SELECT timestamp, data, rowid FROM messages WHERE topic_id = ? ORDER BY rowid',
+            (identity,),
         ).fetchall()
-        received, parts = zip(*rows, strict=True) if rows else ((), ())
-        found[name] = (list(received), list(parts))
+        columns = zip(*rows, strict=True) if rows else ((), (), ())
+        received, parts, places = map(list, columns)
+        found[name] = (received, parts, places)
     return found
 
 
