@@ -41,8 +41,13 @@ class BagThread:
         self._ready.wait()
         self._raise()
 
-    def add_topic(self, name: str, message_type: str, qos: Sequence[OfferedQos]) -> None:
+    def add_topic(
+        self, name: str, message_type: str, qos: Sequence[OfferedQos],
+        definition: str | None = None, digest: str | None = None,
+    ) -> None:  # fmt: skip
         """Announce a topic; waits, so that a type that cannot be recorded is refused here.
+
+        The arguments are those of `BagWriter.add_topic`.
 
         Raises
         ------
@@ -54,7 +59,7 @@ class BagThread:
         def task(writer: BagWriter) -> None:
             try:
                 writer.flush()  # so that an mcap chunk begins with the topics that it holds
-                writer.add_topic(name, message_type, qos)
+                writer.add_topic(name, message_type, qos, definition=definition, digest=digest)
             except UserError as error:
                 refused.append(error)
             finally:

@@ -1,6 +1,9 @@
 """Message definitions of installed packages, from their Python classes."""
 
+from functools import cache
 import re
+
+from rosbags.typesys import get_typestore, Stores
 
 from motor_sysid.errors import UserError
 from motor_sysid.nodes.intake import message_class
@@ -36,6 +39,35 @@ def installed_types(message_type: str) -> Types:
         types[name] = tuple(_field(field, text) for field, text in described.items())
         waiting += [field.kind for field in types[name]]
     return types
+
+
+def own_definition(message_type: str) -> str | None:
+    """Return the text of an installed type and of all that it contains, as bags hold it.
+
+    None for a type of ROS 2 Jazzy, whose text, with its constants, the writer of the bag knows.
+
+    Raises
+    ------
+    UserError
+        See `installed_types`.
+    """
+    if message_type in _shipped():
+        return None
+    parts = (_text(name, fields) for name, fields in installed_types(message_type).items())
+    return f'{"=" * 80}\n'.join(parts).partition('\n')[2]
+
+
+@cache
+def _shipped() -> frozenset[str]:
+    """Return the types that ROS 2 Jazzy ships."""
+    return frozenset(get_typestore(Stores.ROS2_JAZZY).fielddefs)
+
+
+def _text(name: str, fields: tuple[Field, ...]) -> str:
+    """Return the title of a type, and a line for each of its fields."""
+    ends = {Shape.ONE: '', Shape.SEQUENCE: '[]'}
+    lines = (f'{f.kind}{ends.get(f.shape, f"[{f.count}]")} {f.name}' for f in fields)
+    return '\n'.join([f'MSG: {name}', *lines, '']).replace('/msg/', '/')
 
 
 def _field(name: str, text: str) -> Field:

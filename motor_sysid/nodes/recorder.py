@@ -15,6 +15,7 @@ from motor_sysid.nodes.bag_thread import BagThread
 from motor_sysid.nodes.intake import adapted_qos, RawTopic
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
+from motor_sysid.nodes.message_types import own_definition
 from motor_sysid.nodes.parameters import parameter, Settings
 from motor_sysid.nodes.publishing import DEPTH, DiagnosticsPublisher, now_ns
 from motor_sysid.nodes.statuses import Status
@@ -28,6 +29,7 @@ TOPICS = (
 )  # fmt: skip
 LOOK, CALM = 0.2, 1.0
 """Time between two looks for new topics, as long as some are missing and after that, s."""
+TIMELESS = 'nothing was heard on /clock, which `use_sim_time` asks for'
 
 
 @dataclass(frozen=True)
@@ -44,7 +46,11 @@ class RecorderSettings:
 
 
 class RecorderNode(LoopNode):
-    """Records topics with the QoS that their publishers offer and the times of reception."""
+    """Records topics with the QoS that their publishers offer and the times of reception.
+
+    These are simulated times where the node follows /clock: what comes before it begins waits in
+    the queues of the subscriptions, and is received when it does.
+    """
 
     def __init__(
         self, context: Context | None = None, overrides: Sequence[Parameter] = ()
@@ -66,8 +72,7 @@ class RecorderNode(LoopNode):
 
     def step(self) -> None:
         """Write what has come; look for new topics now and then."""
-        for topic in self._topics.values():
-            self._write(topic)
+        self._write()
         now = time.monotonic()
         if now >= self._next_look:
             self._discover()
@@ -80,20 +85,28 @@ class RecorderNode(LoopNode):
     def close(self) -> None:
         """Write what has come up to now and close the bag."""
         try:
-            for topic in self._topics.values():
-                self._write(topic)
+            self._write()
         finally:
             self._bag.close()
+        if self._timeless:
+            self.get_logger().warning(f'{TIMELESS}, so nothing was recorded')
         self.get_logger().info(
             f'{self._bag.written} messages on {len(self._topics)} topics, {self._lost()} lost: '
             f'{self._path}'
         )
 
-    def _write(self, topic: RawTopic) -> None:
-        messages = topic.drain()
-        received = now_ns(self.get_clock()) if self._simulated and messages else 0
-        if messages:
-            self._bag.write(topic.resolved, [(received or m.received, m.data) for m in messages])
+    @property
+    def _timeless(self) -> bool:
+        """Whether simulated time has not begun."""
+        return self._simulated and now_ns(self.get_clock()) <= 0
+
+    def _write(self) -> None:
+        if self._timeless:
+            return
+        now = now_ns(self.get_clock()) if self._simulated else 0
+        for topic in self._topics.values():
+            if messages := topic.drain():
+                self._bag.write(topic.resolved, [(now or m.received, m.data) for m in messages])
 
     def _discover(self) -> None:
         for name, types in self.get_topic_names_and_types():
@@ -104,15 +117,19 @@ class RecorderNode(LoopNode):
 
     def _add(self, name: str, message_type: str) -> None:
         """Record a topic from now on, if someone publishes it and its type is known."""
-        offered = [info.qos_profile for info in self.get_publishers_info_by_topic(name)]
-        if not offered:
+        publishers = self.get_publishers_info_by_topic(name)
+        if not publishers:
             return
+        offered, topic = [info.qos_profile for info in publishers], None
         try:
             topic = RawTopic(
                 self, name, message_type, adapted_qos(offered, QoSProfile(depth=DEPTH))
             )
-            self._bag.add_topic(name, message_type, offered)
+            definition, digest = own_definition(message_type), publishers[0].topic_type_hash
+            self._bag.add_topic(name, message_type, offered, definition, str(digest))
         except UserError as error:
+            if topic is not None:
+                topic.destroy()
             self._refused.add(name)
             self.get_logger().warning(f'{name} is not recorded: {error}')
             return
@@ -128,8 +145,9 @@ class RecorderNode(LoopNode):
             'topics': len(self._topics),
             'lost': self._lost(),
         }
-        text = 'messages were lost' if values['lost'] else 'ok'
-        status = Status('recorder', values, text, warn=bool(values['lost']))
+        lost = 'messages were lost' if values['lost'] else ''
+        trouble = TIMELESS if self._timeless else lost
+        status = Status('recorder', values, trouble or 'ok', warn=bool(trouble))
         self._diagnostics.publish(now_ns(self.get_clock()), [status])
 
     def _lost(self) -> int:
