@@ -35,6 +35,8 @@ VOLTS = Profile(
     'volts', 5.0, 0.5, (Part(1.0, Hold(0.8)), Part(2.0, Sweep(1.0, 1.0, 3.0))), 'voltage', 'V'
 )
 SPEED = Profile('speeds', 60.0, 0.8, (Part(1.0, Hold(1.0)), Part(1.0, Hold(-0.5))))
+AMPERES = Profile('amperes', 2.0, 0.3, (Part(1.0, Hold(1.0)),), 'current', 'A')
+TORQUE = Profile('torques', 2.0, 0.3, (Part(1.0, Hold(1.0)),), 'torque', 'N m')
 LONG = Profile('long', 6.0, 60.0, (Part(1.0, Hold(1.0)),), 'voltage', 'V')
 
 
@@ -185,6 +187,26 @@ def test_a_limit_that_is_passed_ends_it_with_zero_volts(
     assert 'beyond its limit' in node.reason
     turn(lambda: heard.look() and heard.values[-1][1] == 0.0, motor, node)
     assert max(v for _, v in heard.values) == 6.0
+
+
+def test_a_current_goes_to_the_drives_that_follow_one(
+    make: Callable[..., ExcitationNode], context: Context, other: Node, kept: list[LoopNode]
+) -> None:
+    motor = MotorNode(context, [Parameter('motor_kind', value='pmsm')])
+    kept.append(motor)
+    heard = Heard(other, 'motor/current_command')
+    node, seen = make(AMPERES, {'input': 1.5}), set()
+    assert node._topic == '/motor/current_command'
+    turn(lambda: heard.matched and node.count_subscribers(node._topic) == 2, motor, node)
+    turn(lambda: node._begin() == '', node)
+    turn(lambda: (seen.add(motor._command), node.state is State.DONE)[1], motor, node)
+    assert seen == {0.0, 1.5}
+    wait_for(lambda: [x for _, x in heard.look()][-5:] == [0.0] * 5, 'the end')
+
+
+def test_a_signal_that_no_topic_carries_is_refused(make: Callable[..., ExcitationNode]) -> None:
+    with pytest.raises(UserError, match=r'a torque in N m, which no topic .* voltage, current'):
+        make(TORQUE)
 
 
 def test_silence_of_a_watched_topic_ends_it(make: Callable[..., ExcitationNode]) -> None:

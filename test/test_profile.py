@@ -56,6 +56,16 @@ def test_csv_holds_the_samples(tmp_path: Path) -> None:
     np.testing.assert_array_equal(halfway, MIXED.sampled(0.01))
 
 
+def test_the_time_of_a_table_may_be_in_any_unit_of_time(tmp_path: Path) -> None:
+    path = tmp_path / 'a.csv'
+    for title, times in (('s', (0, 0.01, 0.03)), ('ms', (5, 15, 35)), ('us', (0, 1e4, 3e4))):
+        rows = [f'{time:g},{value}' for time, value in zip(times, (1, 2, 3), strict=True)]
+        path.write_text('\n'.join([f'time [{title}],voltage [V]', *rows]))
+        read, _ = load_profile(path)
+        assert read.duration == pytest.approx(0.05)
+        assert [read(t) for t in (0.005, 0.02, 0.04)] == [1.0, 2.0, 3.0]
+
+
 BAD = (
     ('signal', 'thrust', 'unknown signal `thrust`'),
     ('unit', 'mV', 'its unit is V'),
@@ -79,7 +89,8 @@ def test_bad_files_are_refused_with_the_reason(key: str, value: object, message:
 
 @pytest.mark.parametrize(
     'text', ['', '0,1\n', 'time [s],voltage [V]\n0,1\n', 'time [s],voltage [V]\n0,a\n1,2\n',
-             'time [s],voltage [V]\n1,1\n0,2\n'],
+             'time [s],voltage [V]\n1,1\n0,2\n', 'time [V],voltage [V]\n0,1\n1,2\n',
+             'time [sol],voltage [V]\n0,1\n1,2\n'],
 )  # fmt: skip
 def test_bad_tables_are_refused_by_name(text: str, tmp_path: Path) -> None:
     (tmp_path / 'p.csv').write_text(text)

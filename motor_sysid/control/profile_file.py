@@ -2,7 +2,8 @@
 
 The YAML lists the parts with their seconds and values in the profile's unit, so that a person can
 read and change it; the limits that the profile was designed for go with it.  The CSV has two
-columns, ``time [s]`` and for instance ``speed_reference [rad/s]``, for any other tool.
+columns, ``time [s]`` and for instance ``speed_reference [rad/s]``, for any other tool; the time
+may be in any unit.
 """
 
 from collections.abc import Mapping
@@ -18,6 +19,7 @@ import yaml
 from motor_sysid.control.profile import Hold, Part, Profile, SHAPES, SPEED
 from motor_sysid.errors import UserError
 from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.units import parse_unit
 
 SCHEMA = 'motor_sysid/profile/1'
 LIMITS = ('input', 'speed', 'current', 'travel')
@@ -156,6 +158,14 @@ def _unit(signal: str, unit: str) -> str:
     return unit or channel.units[0]
 
 
+def _seconds(unit: str) -> float:
+    """Return how many seconds a unit of time is."""
+    parsed = parse_unit(unit)
+    if parsed.si != 's':
+        raise UserError(f'`time [{unit}]` is no time; write it in s, ms or us')
+    return parsed.factor
+
+
 def _limits(given: object) -> dict[str, float]:
     if not isinstance(given, dict) or set(given) - set(LIMITS):
         raise UserError(f'`limits` may name {", ".join(LIMITS)}')
@@ -179,11 +189,12 @@ def _from_table(text: str, name: str) -> Profile:
     if len(found) != 2 or found[0] is None or found[1] is None or found[0][1] != 'time':
         raise UserError(f'a profile has two columns, `time [s]` and `{SPEED} [rad/s]` or an input')
     signal, unit = found[1][1], _unit(found[1][1], found[1][2])
+    second = _seconds(found[0][2])
     try:
         times, values = ([float(row[j]) for row in rows] for j in (0, 1))
     except (ValueError, IndexError) as problem:
         raise UserError(f'not a table of two numbers per line: {problem}') from problem
-    steps = [b - a for a, b in itertools.pairwise(times)]
+    steps = [(b - a) * second for a, b in itertools.pairwise(times)]
     if not steps or min(steps) <= 0 or not all(math.isfinite(v) for v in values):
         raise UserError('a profile needs two or more finite values at rising times')
     parts = tuple(Part(s, Hold(v)) for s, v in zip((*steps, steps[-1]), values, strict=True))

@@ -27,6 +27,12 @@ from motor_sysid.nodes.statuses import Status
 from motor_sysid.recording.field_reader import FieldReader
 
 VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
+ROUTES = {
+    SPEED: ('motor/reference', 'speed'),
+    'voltage': ('motor/voltage_command', 'dc'),
+    'current': ('motor/current_command', 'q'),
+}
+"""Signal of a profile to the topic that carries it in SI, and its ``frame_id``."""
 FAREWELLS = 5
 """How often zero is sent at the end: a best-effort reader may miss some."""
 REPORT = 1.0
@@ -50,7 +56,7 @@ class ExcitationSettings:
         False, 'Start with the first sample of motor/speed, not with the service ~/start.'
     )
     input_limit: float = parameter(
-        0.0, 'Largest voltage sent; 0 for that of the profile file, or none.', 'V', 0, 1000
+        0.0, 'Largest input sent; 0 for that of the profile file, or none.', 'V or A', 0, 1000
     )
     speed_limit: float = parameter(
         0.0, 'Measured speed that ends the run; 0 as above.', 'rad/s', 0, 1e5
@@ -71,7 +77,7 @@ class ExcitationSettings:
         Raises
         ------
         UserError
-            If there is no such file or profile.
+            If there is no such file or profile, or nobody takes its signal.
         """
         limits: dict[str, float] = {}
         if self.profile in PROFILES:
@@ -81,6 +87,12 @@ class ExcitationSettings:
         else:
             raise UserError(
                 f'no profile `{self.profile}`: neither a file nor one of {", ".join(PROFILES)}'
+            )
+        if profile.signal not in ROUTES:
+            raise UserError(
+                f'profile `{profile.name}` is a {profile.signal} in {profile.unit}, which no '
+                f'topic carries to a motor; live it can be {", ".join(ROUTES)}. '
+                '`motor-sysid simulate --profile` runs it on a model'
             )
         given = {
             'input': self.input_limit, 'speed': self.speed_limit,
@@ -99,7 +111,7 @@ class State(Enum):
 
 
 class ExcitationNode(LoopNode):
-    """Publishes a profile as motor/reference or motor/voltage_command, each sample at its stamp.
+    """Publishes a profile on the topic of its signal, each sample at its stamp.
 
     Nothing is published before the start; at the end, however it comes about, zero is.
     """
@@ -115,8 +127,7 @@ class ExcitationNode(LoopNode):
         self._limit = limits.get('input', math.inf)
         watched = {name: limits[name] for name in ('speed', 'current', 'travel') if name in limits}
         self._bounds = Bounds(**watched, timeout=s.feedback_timeout)
-        follows = self.profile.signal == SPEED
-        topic, frame = ('motor/reference', 'speed') if follows else ('motor/voltage_command', 'dc')
+        topic, frame = ROUTES[self.profile.signal]
         self._output = vector_publisher(self, topic, frame)
         self._topic = self.resolve_topic_name(topic)
         self._speed, self._current = (
