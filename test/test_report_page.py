@@ -197,7 +197,7 @@ def test_the_cursor_tells_what_the_samples_were(
     place = opened.page.locator('[data-panel="error"] .u-over').bounding_box()
     assert place is not None
     opened.page.mouse.move(place['x'] + 0.4 * place['width'], place['y'] + 20)
-    opened.page.wait_for_function('document.querySelector(".readout").textContent')
+    opened.page.locator('[data-panel="error"] .readout', has_text='error').wait_for()
     k = opened.page.evaluate('page.traces.cursor()')
     held = view['records'][1]
     assert held['bucket'] > 1
@@ -300,11 +300,14 @@ def test_a_report_offers_no_action(opened: Watched) -> None:
 
 
 def test_a_page_that_is_served_offers_add_and_remove(chromium: 'Browser', tmp_path: Path) -> None:
-    view = build_view(build_diagnosis(5.0), actions=True)
-    watched = Watched(chromium, write_view_report(view, tmp_path / 'live.html'))
-    button = watched.page.locator('.candidates button').first
-    assert button.get_attribute('aria-label') == 'Add Coulomb friction'
+    view = build_view(build_diagnosis(5.0), effects=['coulomb_friction', 'quadratic_drag'])
+    watched = Watched(chromium, write_view_report(view, tmp_path / 'live.html'), '#M2')
     assert watched.page.locator('#model-table button:has-text("Remove")').count() == 2
+    assert watched.page.locator('.other option').all_inner_texts() == ['quadratic drag']
+    taken = watched.page.locator('[data-effect="coulomb_friction"] button')
+    watched.page.click('#back')
+    watched.page.click('#back')
+    assert taken.count() == 0  # M1 has it
     watched.context.close()
 
 

@@ -41,6 +41,10 @@ class Bench:
         Conditions at each sample, None where the records do not tell.
     titles:
         Effect key to title.
+    parents:
+        For each step the index of the one that it was made from, -1 for none.
+    last:
+        Index of the step that the verdict is about.
 
     Raises
     ------
@@ -57,9 +61,13 @@ class Bench:
     regimes: tuple[Bins, ...] | None
     grid: Grid | None
     titles: dict[str, str]
+    parents: tuple[int, ...]
+    last: int
 
     @classmethod
-    def of(cls, diagnosis: Diagnosis) -> 'Bench':
+    def of(
+        cls, diagnosis: Diagnosis, parents: Sequence[int] | None = None, last: int | None = None
+    ) -> 'Bench':
         """Lay a diagnosis out on one time axis and find the conditions of each sample."""
         if not diagnosis.records or not diagnosis.steps:
             raise UserError('nothing to show: the diagnosis has no record or no model')
@@ -78,6 +86,8 @@ class Bench:
             regimes=regimes_of(records, sigmas.get('speed', 0.0)),
             grid=grid_of(records, sum(len(records[k]) for k in held)),
             titles=effect_titles(diagnosis),
+            parents=tuple(range(-1, len(diagnosis.steps) - 1) if parents is None else parents),
+            last=len(diagnosis.steps) - 1 if last is None else last,
         )
 
     def error(self, step: int, record: int, name: str) -> Array | None:

@@ -1,4 +1,4 @@
-"""The static report: the page, its view and its assets in one file that needs nothing else."""
+"""The page: as a report its view and its assets in one file that needs nothing else."""
 
 from base64 import b64encode
 import hashlib
@@ -37,12 +37,21 @@ def write_view_report(view: View, path: str | Path) -> Path:
 
 def report_html(view: View) -> str:
     """Return the text of the report."""
+    return _page(f'<script type="application/json" id="view">{_embedded(view)}</script>')
+
+
+def page_html() -> str:
+    """Return the text of the page that asks the server it comes from for its view."""
+    return _page('', "connect-src 'self'")
+
+
+def _page(view: str, *allowed: str) -> str:
     styles = [asset(name) for name in STYLES]
     scripts = [asset(name) for name in SCRIPTS]
     slots = {
-        'policy': _policy(styles, scripts),
+        'policy': _policy(styles, scripts, *allowed),
         'styles': '\n'.join(f'<style>{style}</style>' for style in styles),
-        'view': f'<script type="application/json" id="view">{_embedded(view)}</script>',
+        'view': view,
         'scripts': '\n'.join(f'<script>{script}</script>' for script in scripts),
     }
     page = asset('index.html')
@@ -62,13 +71,14 @@ def _embedded(view: View) -> str:
     return text.replace('<', '\\u003c')
 
 
-def _policy(styles: list[str], scripts: list[str]) -> str:
-    """Return a policy that allows exactly these styles and scripts, and no request at all."""
+def _policy(styles: list[str], scripts: list[str], *allowed: str) -> str:
+    """Return a policy that allows exactly these styles and scripts, and no request beyond."""
     parts = (
         "default-src 'none'",
         'img-src data:',
         f'style-src {_hashes(styles)}',
         f'script-src {_hashes(scripts)}',
+        *allowed,
     )
     return f'<meta http-equiv="Content-Security-Policy" content="{"; ".join(parts)}">'
 

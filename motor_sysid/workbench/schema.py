@@ -217,9 +217,10 @@ class CandidateParameter(TypedDict):
 
 
 class CandidateView(TypedDict):
-    """A `motor_sysid.diagnosis.result.result.Candidate`; `added` names the model that took it.
+    """A `motor_sysid.diagnosis.result.result.Candidate`.
 
-    One that was not refitted has no parameters and no errors.
+    One that was not refitted has no parameters and no errors.  `added` names the model that took
+    it, `by_hand` tells whether that was the user rather than the diagnosis.
     """
 
     effect: str
@@ -235,12 +236,17 @@ class CandidateView(TypedDict):
     note: str
     curve: CurveView | None
     added: str
+    by_hand: bool
 
 
 class StepView(TypedDict):
-    """One model of the ladder, and all that is shown of it."""
+    """One model of the ladder, and all that is shown of it.
+
+    `parent` is the index of the model that it was made from, None for the first.
+    """
 
     name: str
+    parent: int | None
     effects: list[Named]
     added: list[Named]
     train_error_percent: float | None
@@ -262,7 +268,8 @@ class View(TypedDict):
     """The whole page.
 
     `time` holds float64 s on the common axis; `focus` is the stretch in s and `first` the model
-    that the page opens with.
+    that the page opens with; `last` the model that the verdict is about.  With `actions` the page
+    may ask to add any of `effects`.
     """
 
     schema: str
@@ -279,6 +286,8 @@ class View(TypedDict):
     primary: str
     focus: list[float]
     first: int
+    last: int
+    effects: list[Named]
     regimes: RegimesView | None
     map: MapView | None
     steps: list[StepView]

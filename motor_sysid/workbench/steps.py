@@ -30,14 +30,16 @@ Array = NDArray[np.float64]
 def step_view(index: int, bench: Bench) -> StepView:
     """Return what the page shows of model M`index`."""
     step = bench.diagnosis.steps[index]
-    before = bench.diagnosis.steps[index - 1].model.effects if index else ()
+    parent = bench.parents[index]
+    before = bench.diagnosis.steps[max(parent, 0)].model.effects
     floor = bench.diagnosis.noise_floor_percent
     error = step.validation_error_percent
     effects = step.model.effects
     return {
         'name': f'M{index}',
+        'parent': parent if parent >= 0 else None,
         'effects': [named(key, bench.titles) for key in effects],
-        'added': [named(key, bench.titles) for key in effects if index and key not in before],
+        'added': [named(key, bench.titles) for key in effects if key not in before],
         'train_error_percent': number(step.train_error_percent),
         'validation_error_percent': number(error),
         'times_floor': number(error / floor) if floor > 0 else None,
@@ -164,10 +166,8 @@ def _candidates(index: int, bench: Bench) -> list[CandidateView]:
 
 
 def _candidate(candidate: Candidate, index: int, bench: Bench) -> CandidateView:
-    steps = bench.diagnosis.steps
-    following = steps[index + 1].model.effects if index + 1 < len(steps) else ()
     refitted = bool(candidate.parameters)
-    taken = candidate.effect in following and candidate.effect not in steps[index].model.effects
+    taken = _taken(candidate.effect, index, bench)
     return {
         'effect': candidate.effect,
         'title': candidate.title,
@@ -186,8 +186,16 @@ def _candidate(candidate: Candidate, index: int, bench: Bench) -> CandidateView:
         'passes': candidate.passes,
         'note': candidate.note,
         'curve': None if candidate.curve is None else curve_view(candidate.curve),
-        'added': f'M{index + 1}' if taken else '',
+        'added': '' if taken is None else f'M{taken}',
+        'by_hand': taken is not None and taken > bench.last,
     }
+
+
+def _taken(key: str, index: int, bench: Bench) -> int | None:
+    """Return the first model that was made by adding an effect to model `index`."""
+    effects = [step.model.effects for step in bench.diagnosis.steps]
+    children = (k for k, parent in enumerate(bench.parents) if parent == index)
+    return next((k for k in children if key in effects[k] and key not in effects[index]), None)
 
 
 def _parameters(index: int, bench: Bench) -> list[ParameterView]:

@@ -10,6 +10,7 @@ import numpy as np
 from motor_sysid.diagnosis.result.findings import Unknown
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
+from motor_sysid.physics.effects import effect
 from motor_sysid.workbench.axis import axis_times, decimate, join, pack, Stretch
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.channels import Channel, Panel, panels_of
@@ -38,26 +39,37 @@ from motor_sysid.workbench.words import (
 )
 
 
-def build_view(diagnosis: Diagnosis, actions: bool = False) -> View:
+def build_view(
+    diagnosis: Diagnosis,
+    *,
+    effects: Sequence[str] = (),
+    parents: Sequence[int] | None = None,
+    last: int | None = None,
+) -> View:
     """Return everything that the page shows of a diagnosis, ready for JSON.
 
     Parameters
     ----------
     diagnosis:
         What was found; its records become one time axis with the held-out stretch in focus.
-    actions:
-        Whether the page may offer to add and remove effects (only where something answers).
+    effects:
+        Keys of the effects that the page may ask to add, where something answers.
+    parents:
+        For each step the index of the one that it was made from, -1 for none; by default the one
+        before it.
+    last:
+        Index of the step that the verdict is about; by default the last.
 
     Raises
     ------
     UserError
         If the diagnosis has no record or no model.
     """
-    bench = Bench.of(diagnosis)
+    bench = Bench.of(diagnosis, parents, last)
     records, stretches = diagnosis.records, bench.stretches
     return {
         'schema': SCHEMA,
-        'actions': actions,
+        'actions': bool(effects),
         'source': ', '.join(dict.fromkeys(source_name(record) for record in records)),
         'motor': _motor(diagnosis),
         'held_out': held_out_words(records, diagnosis.roles),
@@ -70,6 +82,8 @@ def build_view(diagnosis: Diagnosis, actions: bool = False) -> View:
         'primary': bench.primary,
         'focus': [stretches[bench.held[0]].start, stretches[bench.held[-1]].end],
         'first': _first(diagnosis),
+        'last': bench.last,
+        'effects': [{'key': key, 'title': effect(key).card.title} for key in effects],
         'regimes': None if bench.regimes is None else _regimes(bench.regimes, stretches),
         'map': None if bench.grid is None else _map(bench.grid, bench),
         'steps': [step_view(index, bench) for index in range(len(diagnosis.steps))],

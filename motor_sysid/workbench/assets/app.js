@@ -4,7 +4,7 @@
 const page = {view: null, step: 0, ghost: 'previous', traces: null, where: null, candidates: null, timer: null};
 
 const ghostOf = (step) =>
-  (page.ghost === 'none' ? null : page.ghost === 'previous' ? (step > 0 ? step - 1 : null)
+  (page.ghost === 'none' ? null : page.ghost === 'previous' ? parentOf(page.view, step)
     : Number(page.ghost) === step ? null : Number(page.ghost));
 
 function pick(step, announce = true) {
@@ -19,6 +19,7 @@ function pick(step, announce = true) {
   drawModels(view, page.step, pickByHand, change);
   drawParameters(view, page.step);
   drawGhostKey();
+  $('#keep-model').href = `model.yaml?step=${page.step}`;
   reachScrolled();
   if (announce) say(page.step);
 }
@@ -43,7 +44,7 @@ function pickByHand(step) {
 
 function say(step) {
   const s = page.view.steps[step];
-  const before = step ? page.view.steps[step - 1] : null;
+  const before = page.view.steps[parentOf(page.view, step)];
   $('#status').textContent = before
     ? `${before.name} → ${s.name}: ${brief(before.validation_error_percent)} → ${brief(s.validation_error_percent)}`
     : `${s.name}: ${brief(s.validation_error_percent)}`;
@@ -197,16 +198,53 @@ function listenToPrinter() {
 
 /* --- actions: only where something answers ----------------------------------------------- */
 
+const EVERY = 700;
+
 async function change(verb, effect) {
-  $('#status').textContent = `${verb === 'add' ? 'Adding' : 'Removing'} ${effect.replace(/_/g, ' ')} …`;
+  busy(`${verb === 'add' ? 'Adding' : 'Removing'} ${effect.replace(/_/g, ' ')}`);
+  page.acting = true;
   try {
-    const range = page.traces.range();
-    show(await act(verb, effect));
-    page.traces.go(...range);
-    pick(page.view.steps.length - 1);
+    const view = await act(verb, page.step, effect);
+    page.version = null;
+    take(view, -1);
   } catch (error) {
-    $('#status').textContent = error.message;
+    busy('');
+    $('#status').textContent = error instanceof TypeError ? 'The workbench does not answer.' : error.message;
   }
+  page.acting = false;
+}
+
+/** Show a new view, the traces as they are, and one of its models (-1: the last). */
+function take(view, step) {
+  const range = page.traces.range();
+  show(view);
+  page.traces.look(range);
+  pick(step < 0 ? view.steps.length + step : step);
+  busy('');
+}
+
+/** Say what is being done; meanwhile nothing else can be asked for. */
+function busy(doing) {
+  document.body.classList.toggle('busy', Boolean(doing));
+  document.querySelectorAll('button.act').forEach((button) => { button.disabled = Boolean(doing); });
+  if (doing) $('#status').textContent = `${cap(doing)} …`;
+}
+
+/** Follow what other tabs do and how far the work is, and say so if nobody answers. */
+async function follow() {
+  try {
+    const {version, doing} = await (await fetch('state.json')).json();
+    $('#gone').hidden = true;
+    if (doing) busy(doing);
+    else if (!page.acting) {
+      if (page.version && page.version !== version) take(await loadView(), -1);
+      else busy('');
+      page.version = version;
+    }
+  } catch {
+    $('#gone').hidden = false;
+  }
+  setTimeout(follow, EVERY);
 }
 
 function show(view) {
@@ -242,6 +280,8 @@ async function start() {
   const asked = page.view.steps.findIndex((s) => `#${s.name}` === location.hash);
   pick(asked >= 0 ? asked : page.view.first, false);
   listen();
+  $('#keep').hidden = !page.view.actions;
+  if (page.view.actions) follow();
   document.body.dataset.ready = 'true';
 }
 

@@ -10,12 +10,12 @@ async function loadView() {
   return answer.json();
 }
 
-/** Ask the server for a change (`add` or `remove` an effect) and return the new view. */
-async function act(verb, effect) {
+/** Ask the server for a change (`add` or `remove` an effect) of a model and return the new view. */
+async function act(verb, step, effect) {
   const answer = await fetch(`actions/${verb}`, {
     method: 'POST',
     headers: {'Content-Type': 'application/json'},
-    body: JSON.stringify({effect}),
+    body: JSON.stringify({step, effect}),
   });
   if (!answer.ok) throw new Error((await answer.text()) || answer.statusText);
   return answer.json();

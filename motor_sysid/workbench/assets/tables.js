@@ -20,7 +20,7 @@ function makeCandidates(view, onAct) {
     const {candidates, validation_error_percent: now} = view.steps[step];
     const box = $('#candidates');
     if (!candidates.length) {
-      box.replaceChildren(el('p', {class: 'none'}, 'No candidate was tried on this model.'));
+      box.replaceChildren(el('p', {class: 'none'}, 'No candidate was tried on this model.'), ...(view.actions ? [anyOther()] : []));
       return;
     }
     const passing = candidates.filter((c) => c.passes).length;
@@ -39,7 +39,17 @@ function makeCandidates(view, onAct) {
         draw();
       }}, all ? 'Show fewer' : `Show ${candidates.length - count} more`));
     }
+    if (view.actions) parts.push(anyOther());
     box.replaceChildren(...parts);
+  }
+
+  /** Whatever the data say for it, any effect can be added. */
+  function anyOther() {
+    const own = view.steps[step].effects.map((e) => e.key);
+    const choice = el('select', {'aria-label': 'Effect to add'}, view.effects.filter((e) => !own.includes(e.key))
+      .map((e) => el('option', {value: e.key}, e.title)));
+    return el('p', {class: 'other'}, 'any other: ', choice, ' ', el('button', {type: 'button', class: 'act',
+      onclick: () => onAct('add', choice.value)}, 'Add'));
   }
 
   /** One candidate: what it does to the error, and under it its law with the fitted numbers. */
@@ -54,7 +64,7 @@ function makeCandidates(view, onAct) {
       el('td', {class: 'change'}, ...(fitted ? [changeText(now, after, change), changeBar(change, c.passes)] : [el('span', {class: 'gain'}, 'not refitted')])),
       el('td', {class: 'bic'}, c.delta_bic === null ? '–' : signed(c.delta_bic)),
     ];
-    if (view.actions) cells.push(el('td', {rowspan: 2}, el('button', {type: 'button', class: c.passes ? 'primary' : '',
+    if (view.actions) cells.push(el('td', {rowspan: 2}, c.added ? '' : el('button', {type: 'button', class: c.passes ? 'act primary' : 'act',
       'aria-label': `Add ${c.title}`, onclick: () => onAct('add', c.effect)}, 'Add')));
     const law = [c.law && symbols(c.law), valuesText(c)].filter(Boolean).join('  ·  ');
     return el('tbody', {class: c.passes ? 'passes' : 'fails', 'data-effect': c.effect},
@@ -132,8 +142,8 @@ function drawModels(view, step, onPick, onAct) {
   const rows = view.steps.map((s, k) => el('tr', {class: k === step ? 'current' : '', onclick: () => onPick(k)},
     el('th', {scope: 'row'}, el('button', {type: 'button', class: 'link', 'aria-pressed': String(k === step),
       onclick: () => onPick(k)}, s.name)),
-    el('td', {class: 'text'}, effectsText(view, s), view.actions && k === view.steps.length - 1
-      ? s.effects.map((e) => el('button', {type: 'button', 'aria-label': `Remove ${e.title}`,
+    el('td', {class: 'text'}, effectsText(view, s), view.actions && k === step
+      ? s.effects.map((e) => el('button', {type: 'button', class: 'act', 'aria-label': `Remove ${e.title}`,
         onclick: () => onAct('remove', e.key)}, `Remove ${e.title}`)) : null),
     el('td', {}, digits(s.validation_error_percent)),
     el('td', {}, times(s.times_floor)),

@@ -377,6 +377,7 @@ function makeTraces(view) {
       home = [from, to];
       zoom(home);
     },
+    look: (wanted) => zoom(wanted),
     all: () => full,
     toggle(panel, on) {
       if (on) shown.add(panel);

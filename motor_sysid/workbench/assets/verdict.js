@@ -3,8 +3,8 @@
 
 function drawHeadline(view) {
   const {verdict} = view;
-  const [first, last] = [view.steps[0], view.steps.at(-1)];
-  const fall = view.steps.length > 1
+  const [first, last] = [view.steps[0], view.steps[view.last ?? view.steps.length - 1]];
+  const fall = first !== last
     ? [' Error ', el('b', {class: 'figure bad'}, brief(first.validation_error_percent)), ' → ',
       el('b', {class: settled(view, last) ? 'figure ok' : 'figure'}, brief(last.validation_error_percent)),
       `, noise floor ${brief(view.noise_floor_percent)}.`]
@@ -72,8 +72,8 @@ function drawNow(view, step) {
   $('#now').replaceChildren(...parts);
 }
 
-/** The candidate that was taken, else the best that passes. */
-const bestOf = (s) => s.candidates.find((c) => c.added) || s.candidates.find((c) => c.passes);
+/** The candidate that was taken, else the best that passes; what was added by hand need not be good. */
+const bestOf = (s) => s.candidates.find((c) => c.added && (c.passes || !c.by_hand)) || s.candidates.find((c) => c.passes);
 
 /** The regime with the most error beyond its share of time, if one stands out. */
 function worstRegime(s) {
@@ -106,13 +106,25 @@ function drawLadder(view, step, onPick) {
   }
   const title = width < 400 ? 'error, log.' : 'error on held-out data, logarithmic';
   parts.push(svg('text', {x: width - 2, y: y + 22, 'text-anchor': 'end', class: 'tick'}, title));
-  for (let k = 0; k + 1 < errors.length; k += 1) {
-    if (errors[k] > 0 && errors[k + 1] > 0) parts.push(hop(at(errors[k]), at(errors[k + 1]), y, k < step));
+  const way = wayTo(view, step);
+  for (let k = 1; k < errors.length; k += 1) {
+    const from = errors[parentOf(view, k)];
+    if (from > 0 && errors[k] > 0) parts.push(hop(at(from), at(errors[k]), y, way.has(k)));
   }
   parts.push(...dots(view, errors, step, at, y, width, onPick));
   const words = view.steps.map((s) => `${s.name} ${percent(s.validation_error_percent)}`).join(', ');
   box.setAttribute('aria-label', `Ladder of errors on held-out data: ${words}; sensor noise ${percent(floor)}.`);
   box.replaceChildren(svg('svg', {width, height, 'aria-hidden': 'true'}, ...parts));
+}
+
+/** The model that one was made from. */
+const parentOf = (view, step) => (step === 0 ? null : view.steps[step].parent ?? step - 1);
+
+/** The models on the way to one. */
+function wayTo(view, step) {
+  const way = new Set();
+  for (let k = step; k !== null; k = parentOf(view, k)) way.add(k);
+  return way;
 }
 
 const hop = (from, to, y, done) => svg('line', {x1: from, x2: to, y1: y, y2: y, class: done ? 'hop done' : 'hop'});

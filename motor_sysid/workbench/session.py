@@ -1,0 +1,150 @@
+"""A diagnosis that goes on by hand: add or remove an effect, and see what that does."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+
+from motor_sysid.diagnosis import diagnose, Settings
+from motor_sysid.diagnosis.engine import Engine
+from motor_sysid.diagnosis.fitting import add_effect, bench_of, fit_model
+from motor_sysid.diagnosis.result.result import Diagnosis, Step
+from motor_sysid.diagnosis.search.integration_steps import refined
+from motor_sysid.diagnosis.search.ranking import may_rival, rivals_of, winner_of
+from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.verdict.evidence import step_of
+from motor_sysid.errors import UserError
+from motor_sysid.physics.effects import catalogue, effect
+from motor_sysid.physics.model import Model
+from motor_sysid.signals.record import Record
+from motor_sysid.workbench.schema import View
+from motor_sysid.workbench.view import build_view
+
+Progress = Callable[[str], None]
+
+
+class Session:
+    """Models of the same data: first those of the diagnosis, then those that are asked for.
+
+    Parameters
+    ----------
+    train, validation, motor, model, nominal, effects, settings, progress:
+        As in `motor_sysid.diagnosis.diagnose`, which is called.
+
+    Attributes
+    ----------
+    diagnosis:
+        The diagnosis; its steps are all models so far.
+    parents:
+        For each step the index of the one that it was made from, -1 for none.
+    tell:
+        What is told what is going on.
+
+    Raises
+    ------
+    UserError
+        As `motor_sysid.diagnosis.diagnose`.
+    """
+
+    def __init__(
+        self,
+        train: Sequence[Record],
+        validation: Sequence[Record] = (),
+        *,
+        motor: str | None = None,
+        model: Model | None = None,
+        nominal: Mapping[str, float] | None = None,
+        effects: Sequence[str] | None = None,
+        settings: Settings | None = None,
+        progress: Progress | None = None,
+    ) -> None:
+        self.tell: Progress = progress or (lambda text: None)
+        self._train, self._validation = tuple(train), tuple(validation)
+        self._nominal, self._settings = nominal or {}, settings or Settings()
+        self._candidates = [effect(k) for k in effects] if effects else list(catalogue().values())
+        self.diagnosis: Diagnosis = diagnose(
+            train, validation, motor=motor, model=model, nominal=nominal, effects=effects,
+            settings=settings, progress=self.tell,
+        )  # fmt: skip
+        self._found = len(self.diagnosis.steps)
+        self.parents = tuple(range(-1, self._found - 1))
+
+    def add(self, step: int, key: str) -> None:
+        """Add effect `key` to model number `step`, refit, and try what is missing then.
+
+        Raises
+        ------
+        UserError
+            If there is no such model, or the effect makes no sense for it or for these data.
+        """
+        model = self._model(step)
+        if key in model.effects:
+            raise UserError(f'M{step} has {effect(key).card.title} already')
+        fraction = self._settings.validation_fraction
+        _, trial = add_effect(
+            model, key, self._train, self._validation, validation_fraction=fraction,
+            progress=self.tell,
+        )  # fmt: skip
+        if key not in trial.rung.model.effects:
+            raise UserError(f'{effect(key).card.title} cannot be fitted: {trial.note}')
+        self._go_on(step, trial.rung.model)
+
+    def remove(self, step: int, key: str) -> None:
+        """Remove effect `key` from model number `step`, refit, and try what is missing then.
+
+        Raises
+        ------
+        UserError
+            If there is no such model, or it has no such effect.
+        """
+        model = self._model(step)
+        if key not in model.effects:
+            raise UserError(f'M{step} has no effect `{key}`; it has {_listed(model.effects)}')
+        self.tell(f'removing {effect(key).card.title}')
+        self._go_on(step, model.without_effect(key))
+
+    def view(self) -> View:
+        """Return what the page shows."""
+        base = self.diagnosis.steps[0].model
+        return build_view(
+            self.diagnosis,
+            effects=[one.key for one in self._candidates if base.admits(base.kind.taking(one))],
+            parents=self.parents,
+            last=self._found - 1,
+        )
+
+    def _model(self, step: int) -> Model:
+        steps = self.diagnosis.steps
+        if not 0 <= step < len(steps):
+            raise UserError(f'there is no model M{step}; the last one is M{len(steps) - 1}')
+        return steps[step].model
+
+    def _go_on(self, parent: int, model: Model) -> None:
+        """Fit a model, try every candidate on it, and keep both."""
+        step = self._tried(
+            fit_model(
+                self._train, self._validation, model=model, lent=self.diagnosis.lent,
+                validation_fraction=self._settings.validation_fraction,
+            )
+        )  # fmt: skip
+        self.diagnosis = replace(self.diagnosis, steps=(*self.diagnosis.steps, step))
+        self.parents = (*self.parents, parent)
+
+    def _tried(self, rung: Rung) -> Step:
+        bench, _ = bench_of(
+            self._train, self._validation, rung.model, None, {},
+            self._settings.validation_fraction, lent=self.diagnosis.lent,
+        )  # fmt: skip
+        if self.diagnosis.calibration is not None:
+            bench = replace(bench, threshold=self.diagnosis.calibration.delta_bic)
+        rung, bench = refined(rung, bench)
+        engine = Engine(bench, self._candidates, self._settings, self.tell, self._nominal)
+        rung, trials = engine.round(rung, None)
+        passing = [t for t in trials if t.passes]
+        rivals = {}
+        if passing:
+            best = winner_of(passing)
+            rivals[best.key] = rivals_of(best, [t for t in trials if may_rival(t)], rung)
+        return step_of(rung, trials, rivals, bench)
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ', '.join(f'`{name}`' for name in names) or 'none'

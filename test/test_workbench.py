@@ -1,0 +1,218 @@
+"""The workbench: over HTTP, and with the mouse in a real browser."""
+
+from collections.abc import Iterator
+from http.client import HTTPConnection
+import json
+import socket
+from threading import Thread
+from typing import TYPE_CHECKING
+
+from bench_motor import a_motor, measure, voltage_profile
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import Settings
+from motor_sysid.errors import UserError
+from motor_sysid.physics.store import load_model
+from motor_sysid.workbench.server import Workbench
+from motor_sysid.workbench.session import Session
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from playwright.sync_api import Browser, Page
+
+HIDDEN = {'coulomb_friction': {'tau_c': 0.012}}
+
+
+@pytest.fixture(scope='module')
+def bench() -> Iterator[Workbench]:
+    """Return the workbench of a motor whose friction the model lacks."""
+    rng = np.random.default_rng(7)
+    record = measure(a_motor(HIDDEN), voltage_profile('steps', 8.0, rng), rng)
+    session = Session(
+        [record], effects=['coulomb_friction', 'cogging_torque', 'quadratic_drag'],
+        settings=Settings(validation_fraction=0.25),
+    )  # fmt: skip
+    served = Workbench(session)
+    thread = Thread(target=served.serve_forever)
+    thread.start()
+    yield served
+    served.shutdown()
+    thread.join()
+    served.server_close()
+
+
+def ask(
+    bench: Workbench, verb: str, path: str, body: object = None, **headers: str
+) -> tuple[int, bytes, dict[str, str]]:
+    """Send one request as the page would, with other `headers` if given."""
+    connection = HTTPConnection('127.0.0.1', bench.server_port, timeout=60)
+    own = {'Origin': bench.address.rstrip('/')} if verb == 'POST' else {}
+    text = body if isinstance(body, str) else json.dumps(body)
+    connection.request(verb, path, text if verb == 'POST' else None, {**own, **headers})
+    answer = connection.getresponse()
+    found = answer.status, answer.read(), dict(answer.getheaders())
+    connection.close()
+    return found
+
+
+def act(bench: Workbench, verb: str, step: int, effect: str) -> tuple[int, bytes]:
+    return ask(bench, 'POST', f'/actions/{verb}', {'step': step, 'effect': effect})[:2]
+
+
+def test_it_begins_with_the_diagnosis(bench: Workbench) -> None:
+    status, body, headers = ask(bench, 'GET', '/view.json')
+    view = json.loads(body)
+    assert (status, headers['Cache-Control']) == (200, 'no-store')
+    assert view['verdict']['effects'][0]['key'] == 'coulomb_friction'
+    assert [s['parent'] for s in view['steps'][:2]] == [None, 0]
+    assert view['last'] == 1
+    keys = [effect['key'] for effect in view['effects']]
+    assert sorted(keys) == ['cogging_torque', 'coulomb_friction', 'quadratic_drag']
+    policy = ask(bench, 'GET', '/')[1].decode().partition('Content-Security-Policy')[2][:3000]
+    assert "connect-src 'self'" in policy
+    assert "default-src 'none'" in policy
+    assert 'unsafe' not in policy.partition('>')[0]
+
+
+def test_what_is_taken_away_and_added_again_is_as_good_as_before(bench: Workbench) -> None:
+    status, body = act(bench, 'remove', 1, 'coulomb_friction')
+    assert status == 200
+    without = json.loads(body)['steps'][-1]
+    assert without['effects'] == []
+    assert without['parent'] == 1
+    base, named = (json.loads(body)['steps'][k]['validation_error_percent'] for k in (0, 1))
+    assert without['validation_error_percent'] == pytest.approx(base, rel=0.05)
+    assert any(c['effect'] == 'coulomb_friction' and c['passes'] for c in without['candidates'])
+    number = int(without['name'][1:])
+    status, body = act(bench, 'add', number, 'coulomb_friction')
+    view = json.loads(body)
+    again = view['steps'][-1]
+    assert (status, again['parent']) == (200, number)
+    assert [e['key'] for e in again['added']] == ['coulomb_friction']
+    assert again['validation_error_percent'] == pytest.approx(named, rel=0.02)
+    assert not any(c['passes'] for c in again['candidates'])
+    taken = {c['effect']: c for c in view['steps'][number]['candidates']}['coulomb_friction']
+    assert (taken['added'], taken['by_hand']) == (again['name'], True)
+    assert view['verdict'] == json.loads(ask(bench, 'GET', '/view.json')[1])['verdict']
+
+
+def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: 'Path') -> None:
+    status, text, headers = ask(bench, 'GET', '/model.yaml?step=1')
+    assert (status, 'model_M1.yaml' in headers['Content-Disposition']) == (200, True)
+    (tmp_path / 'model.yaml').write_bytes(text)
+    assert load_model(tmp_path / 'model.yaml').effects == ('coulomb_friction',)
+    status, page, _ = ask(bench, 'GET', '/report.html')
+    view = json.loads(page.decode().partition('id="view">')[2].partition('</script>')[0])
+    assert (status, view['actions'], view['effects']) == (200, False, [])
+
+
+@pytest.mark.parametrize(
+    ('verb', 'step', 'effect', 'words'),
+    [
+        ('add', 1, 'coulomb_friction', 'M1 has Coulomb friction already'),
+        ('add', 99, 'cogging_torque', 'there is no model M99'),
+        ('add', 0, 'flux', 'flux'),
+        ('add', 1, 'quadratic_drag', 'quadratic drag cannot be fitted: unphysical sign'),
+        ('remove', 0, 'cogging_torque', 'M0 has no effect `cogging_torque`; it has none'),
+    ],
+)
+def test_what_cannot_be_is_said(
+    bench: Workbench, verb: str, step: int, effect: str, words: str
+) -> None:
+    before = bench.state
+    status, why = act(bench, verb, step, effect)
+    assert status == 409
+    assert words in why.decode()
+    assert bench.state == before
+
+
+def test_one_change_at_a_time(bench: Workbench) -> None:
+    with bench.at_work:
+        status, why = act(bench, 'add', 0, 'quadratic_drag')
+    assert (status, b'another change is under way' in why) == (409, True)
+
+
+@pytest.mark.parametrize('body', ['', '[]', '{"step": "x", "effect": 1}', '{"step": 1}', '"\\'])
+def test_a_body_that_makes_no_sense_is_refused(bench: Workbench, body: str) -> None:
+    assert ask(bench, 'POST', '/actions/add', body)[0] == 400
+
+
+def test_strangers_are_refused(bench: Workbench) -> None:
+    port = bench.server_port
+    assert ask(bench, 'GET', '/view.json', Host=f'evil.example:{port}')[0] == 403
+    assert ask(bench, 'GET', '/view.json', Host=f'localhost:{port + 1}')[0] == 200  # ssh -L
+    body = {'step': 0, 'effect': 'quadratic_drag'}
+    for origin in ('http://evil.example', 'null', f'http://localhost:{port}'):
+        assert ask(bench, 'POST', '/actions/add', body, Origin=origin)[0] == 403
+    for path in ('/../x', '/actions/add', '/assets', '/model.yaml', '/model.yaml?step=99'):
+        assert ask(bench, 'GET', path)[0] == 404
+    assert ask(bench, 'POST', '/actions/clear', body)[0] == 404
+    assert ask(bench, 'POST', '/actions/add', 'x' * 10_000)[0] == 400
+
+
+def test_it_listens_to_this_machine_only_and_a_taken_port_is_said(bench: Workbench) -> None:
+    assert bench.socket.getsockname()[0] == '127.0.0.1'
+    with socket.socket() as other:
+        other.bind(('127.0.0.1', 0))
+        other.listen()
+        with pytest.raises(UserError, match='choose another with --port'):
+            Workbench(bench.session, other.getsockname()[1])
+    with pytest.raises(UserError, match='port 70000'):
+        Workbench(bench.session, 70000)
+
+
+def wait(page: 'Page', condition: str, seconds: float = 60.0) -> None:
+    """Wait until an expression holds on the page, whose policy lets nothing else do so."""
+    for _ in range(int(10 * seconds)):
+        if page.evaluate(condition):
+            return
+        page.wait_for_timeout(100)
+    raise AssertionError(condition)
+
+
+def test_the_error_falls_at_a_click(chromium: 'Browser', bench: Workbench) -> None:
+    context = chromium.new_context(viewport={'width': 1280, 'height': 800})
+    page, other = context.new_page(), context.new_page()
+    trouble: list[str] = []
+    for each in (page, other):
+        each.on('console', lambda message: trouble.append(message.text))
+        each.on('pageerror', lambda error: trouble.append(str(error)))
+        each.goto(bench.address)
+        each.wait_for_selector('body[data-ready]')
+    assert page.title().startswith('motor_sysid workbench')
+    count = page.evaluate('page.view.steps.length')
+    page.click('#model-table button:has-text("M1")')
+    page.evaluate('page.traces.look([6.2, 6.6])')
+    page.click('button[aria-label="Remove Coulomb friction"]')
+    wait(page, f'page.view.steps.length === {count + 1} && page.step === {count}')
+    assert page.evaluate('page.traces.range()') == pytest.approx([6.2, 6.6])
+    page.click('button[aria-label="Add Coulomb friction"]')
+    assert page.evaluate('document.body.classList.contains("busy")')
+    wait(page, f'page.view.steps.length === {count + 2} && page.step === {count + 1}')
+    errors = 'page.view.steps.slice(-2).map((s) => s.validation_error_percent)'
+    before, after = page.evaluate(errors)
+    assert after < 0.5 * before
+    assert f'M{count} \u2192 M{count + 1}' in page.inner_text('#status')
+    assert 'stop here' in page.inner_text('#now')
+    wait(other, f'page.view.steps.length === {count + 2}')  # another tab follows
+    assert trouble == []
+    page.select_option('.other select', 'quadratic_drag')
+    page.click('.other button')
+    wait(page, 'document.querySelector("#status").textContent.includes("cannot be fitted")')
+    assert page.evaluate('page.view.steps.length') == count + 2
+    context.close()
+
+
+def test_a_workbench_that_is_gone_is_said(chromium: 'Browser', bench: Workbench) -> None:
+    context = chromium.new_context()
+    page = context.new_page()
+    page.goto(bench.address)
+    page.wait_for_selector('body[data-ready]')
+    assert page.is_hidden('#gone')
+    context.set_offline(True)
+    page.wait_for_selector('#gone', state='visible')
+    context.set_offline(False)
+    page.wait_for_selector('#gone', state='hidden')
+    context.close()
