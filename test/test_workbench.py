@@ -3,9 +3,13 @@
 from collections.abc import Iterator
 from http.client import HTTPConnection
 import json
+import signal
 import socket
+import subprocess
+import sys
 from threading import Thread
 from typing import TYPE_CHECKING
+from urllib.request import urlopen
 
 from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
@@ -14,6 +18,7 @@ import pytest
 from motor_sysid.diagnosis import Settings
 from motor_sysid.errors import UserError
 from motor_sysid.physics.store import load_model
+from motor_sysid.recording.save import write_record
 from motor_sysid.workbench.server import Workbench
 from motor_sysid.workbench.session import Session
 
@@ -216,3 +221,21 @@ def test_a_workbench_that_is_gone_is_said(chromium: 'Browser', bench: Workbench)
     context.set_offline(False)
     page.wait_for_selector('#gone', state='hidden')
     context.close()
+
+
+def test_the_verb_serves_until_it_is_interrupted(tmp_path: 'Path') -> None:
+    rng = np.random.default_rng(3)
+    record = measure(a_motor({}), voltage_profile('steps', 4.0, rng), rng)
+    data = tmp_path / 'drive.csv'
+    write_record(record, data)
+    call = [sys.executable, '-m', 'motor_sysid.cli', 'workbench', str(data), '--port', '0']
+    call += ['--effects', 'coulomb_friction', '--json', str(tmp_path / 'found.json')]
+    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+        assert run.stdout is not None
+        told = next(line for line in run.stdout if line.startswith('workbench: '))
+        address = told.split()[1]
+        with urlopen(f'{address}view.json') as answer:
+            assert json.load(answer)['verdict']['key'] == 'complete'
+        run.send_signal(signal.SIGINT)
+        assert run.wait(timeout=10) == 0
+    assert json.loads((tmp_path / 'found.json').read_text())['verdict'] == 'complete'

@@ -1,11 +1,12 @@
 """`motor-sysid diagnose`: find out which physical effect a motor model lacks."""
 
 import argparse
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 import sys
 import time
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 from motor_sysid.cli.common import (
     add_data_arguments,
@@ -18,13 +19,25 @@ from motor_sysid.cli.common import (
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
-    from motor_sysid.diagnosis import Diagnosis
+    from motor_sysid.diagnosis import Diagnosis, Settings
+    from motor_sysid.physics.model import Model
+    from motor_sysid.signals.record import Record
 
 HELP = 'name the physical effect that a motor model lacks, with evidence'
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Declare the arguments of the verb."""
+class Asked(TypedDict):
+    """Arguments of `motor_sysid.diagnosis.diagnose` beside the data."""
+
+    motor: str | None
+    model: 'Model | None'
+    nominal: Mapping[str, float] | None
+    effects: list[str] | None
+    settings: 'Settings'
+
+
+def add_question_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the data, and what is asked of them."""
     add_data_arguments(parser, validate=True)
     parser.add_argument('--model', type=Path, metavar='MODEL', help='model (YAML) to start from')
     parser.add_argument('--motor', metavar='KIND', help='motor kind; default: what the data allow')
@@ -32,7 +45,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--nominal', type=Path, metavar='DATASHEET', help='data sheet (YAML) with nominal values'
     )
     parser.add_argument(
-        '--effects', nargs='+', action='extend', metavar='EFFECT',
+        '--effects',
+        nargs='+',
+        action='extend',
+        metavar='EFFECT',
         help='try only these; default: the catalogue',
     )
     parser.add_argument(
@@ -43,50 +59,62 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='false-alarm rate of evidence, if `motor-sysid calibrate` has told what that takes '
         '(default: %(default)g)',
     )  # fmt: skip
-    parser.add_argument(
-        '-o', '--out', type=Path, metavar='MODEL', help='write the final model (YAML)'
-    )
-    parser.add_argument('--report', type=Path, metavar='HTML', help='write the page, too')
     add_effect_file_argument(parser)
 
 
-def run(args: argparse.Namespace) -> int:
-    """Diagnose, print the verdict, write what was asked for."""
-    from motor_sysid.diagnosis import diagnose, Settings
+def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], Asked]':
+    """Return the training and the validation data, and what is asked of them.
+
+    Raises
+    ------
+    UserError
+        If something cannot be read, or makes no sense.
+    """
+    from motor_sysid.diagnosis import Settings
     from motor_sysid.diagnosis.calibration.store import load_calibrations
-    from motor_sysid.diagnosis.result.document import diagnosis_document
     from motor_sysid.physics.datasheet import load_datasheet
-    from motor_sysid.physics.store import load_model, save_model
+    from motor_sysid.physics.store import load_model
 
     if not 0.0 < args.alpha < 1.0:
         raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
     load_effect_files(args.effect_file)
     sheet = load_datasheet(args.nominal) if args.nominal else None
-    model = load_model(args.model) if args.model else None
-    train = load_data(args.data, args.msg_config)
-    validation = load_data(args.validate, args.msg_config)
-    began = time.perf_counter()
-    found = diagnose(
-        train,
-        validation,
-        motor=args.motor or (sheet.motor if sheet else None),
-        model=model,
-        nominal=sheet.nominal if sheet else None,
-        effects=args.effects,
-        settings=Settings(
+    asked: Asked = {
+        'motor': args.motor or (sheet.motor if sheet else None),
+        'model': load_model(args.model) if args.model else None,
+        'nominal': sheet.nominal if sheet else None,
+        'effects': args.effects,
+        'settings': Settings(
             max_effects=args.max_effects,
             validation_fraction=args.hold_back,
             alpha=args.alpha,
             calibrations=tuple(load_calibrations(complain=_complain)),
         ),
-        progress=progress(),
+    }
+    train = load_data(args.data, args.msg_config)
+    return train, load_data(args.validate, args.msg_config), asked
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    add_question_arguments(parser)
+    parser.add_argument(
+        '-o', '--out', type=Path, metavar='MODEL', help='write the final model (YAML)'
     )
+    parser.add_argument('--report', type=Path, metavar='HTML', help='write the page, too')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, print the verdict, write what was asked for."""
+    from motor_sysid.diagnosis import diagnose
+    from motor_sysid.physics.store import save_model
+
+    train, validation, asked = question_of(args)
+    began = time.perf_counter()
+    found = diagnose(train, validation, **asked, progress=progress())
     found = replace(found, seconds=time.perf_counter() - began)
     print('\n'.join(summary(found)))
-    if args.json:
-        from motor_sysid.workbench.view import build_view
-
-        write_json({**diagnosis_document(found), 'view': build_view(found)}, args.json)
+    write_result(found, args.json)
     if args.out:
         save_model(found.model, args.out)
         print(f'model: {args.out}')
@@ -95,6 +123,15 @@ def run(args: argparse.Namespace) -> int:
 
         print(f'report: {write_report(found, args.report)}')
     return 0
+
+
+def write_result(found: 'Diagnosis', path: Path | None) -> None:
+    """Write a diagnosis and its page's view as JSON, if a file was asked for."""
+    from motor_sysid.diagnosis.result.document import diagnosis_document
+    from motor_sysid.workbench.view import build_view
+
+    if path is not None:
+        write_json({**diagnosis_document(found), 'view': build_view(found)}, path)
 
 
 def _complain(text: str) -> None:

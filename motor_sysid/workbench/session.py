@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from time import perf_counter
 
 from motor_sysid.diagnosis import diagnose, Settings
 from motor_sysid.diagnosis.engine import Engine
 from motor_sysid.diagnosis.fitting import add_effect, bench_of, fit_model
-from motor_sysid.diagnosis.result.result import Diagnosis, Step
+from motor_sysid.diagnosis.result.result import Step
 from motor_sysid.diagnosis.search.integration_steps import refined
 from motor_sysid.diagnosis.search.ranking import may_rival, rivals_of, winner_of
 from motor_sysid.diagnosis.search.rung import Rung
@@ -60,10 +61,12 @@ class Session:
         self._train, self._validation = tuple(train), tuple(validation)
         self._nominal, self._settings = nominal or {}, settings or Settings()
         self._candidates = [effect(k) for k in effects] if effects else list(catalogue().values())
-        self.diagnosis: Diagnosis = diagnose(
+        began = perf_counter()
+        found = diagnose(
             train, validation, motor=motor, model=model, nominal=nominal, effects=effects,
             settings=settings, progress=self.tell,
         )  # fmt: skip
+        self.diagnosis = replace(found, seconds=perf_counter() - began)
         self._found = len(self.diagnosis.steps)
         self.parents = tuple(range(-1, self._found - 1))
 

@@ -1,0 +1,41 @@
+"""`motor-sysid workbench`: the page of a diagnosis, on which effects are added and removed."""
+
+import argparse
+import sys
+import webbrowser
+
+from motor_sysid.cli.common import progress
+from motor_sysid.cli.diagnose import add_question_arguments, question_of, summary, write_result
+
+HELP = 'diagnose, and open a page on which effects are added and removed at a click'
+PORT = 8080
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Declare the arguments of the verb."""
+    add_question_arguments(parser)
+    parser.add_argument(
+        '--port', type=int, default=PORT, metavar='N',
+        help='TCP port on this machine; 0: any that is free (default: %(default)d)',
+    )  # fmt: skip
+    parser.add_argument('--open', action='store_true', help='open a browser, too')
+
+
+def run(args: argparse.Namespace) -> int:
+    """Diagnose, say where the page is, and serve it until Ctrl-C."""
+    from motor_sysid.workbench.server import Workbench
+    from motor_sysid.workbench.session import Session
+
+    train, validation, asked = question_of(args)
+    session = Session(train, validation, **asked, progress=progress())
+    print('\n'.join(summary(session.diagnosis)))
+    write_result(session.diagnosis, args.json)
+    with Workbench(session, args.port) as bench:
+        print(f'workbench: {bench.address} (Ctrl-C ends it)', flush=True)
+        if args.open and not webbrowser.open(bench.address):
+            print('note: no browser could be opened', file=sys.stderr)
+        try:
+            bench.serve_forever()
+        except KeyboardInterrupt:
+            print()
+    return 0
