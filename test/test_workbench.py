@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 from http.client import HTTPConnection
 import json
+from pathlib import Path
+import re
 import signal
 import socket
 import subprocess
@@ -23,8 +25,6 @@ from motor_sysid.workbench.server import Workbench
 from motor_sysid.workbench.session import Session
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from playwright.sync_api import Browser, Page
 
 HIDDEN = {'coulomb_friction': {'tau_c': 0.012}}
@@ -103,7 +103,7 @@ def test_what_is_taken_away_and_added_again_is_as_good_as_before(bench: Workbenc
     assert view['verdict'] == json.loads(ask(bench, 'GET', '/view.json')[1])['verdict']
 
 
-def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: 'Path') -> None:
+def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: Path) -> None:
     status, text, headers = ask(bench, 'GET', '/model.yaml?step=1')
     assert (status, 'model_M1.yaml' in headers['Content-Disposition']) == (200, True)
     (tmp_path / 'model.yaml').write_bytes(text)
@@ -223,7 +223,22 @@ def test_a_workbench_that_is_gone_is_said(chromium: 'Browser', bench: Workbench)
     context.close()
 
 
-def test_the_verb_serves_until_it_is_interrupted(tmp_path: 'Path') -> None:
+def test_the_example_of_its_page_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    rng = np.random.default_rng(7)
+    drive = measure(a_motor(HIDDEN), voltage_profile('steps', 8.0, rng), rng)
+    write_record(drive, tmp_path / 'drive.csv')
+    monkeypatch.chdir(tmp_path)
+    page = (Path(__file__).resolve().parent.parent / 'docs' / 'workbench.md').read_text()
+    (code,) = re.findall(r'```python\n(.*?)```', page, re.DOTALL)
+    exec(compile(code, 'workbench.md', 'exec'), {})
+    base, named, without = (line.rsplit(' ', 2) for line in capsys.readouterr().out.splitlines())
+    assert [line[0] for line in (base, named, without)] == ['()', "('coulomb_friction',)", '()']
+    assert float(named[1]) < 0.3 * float(without[1])
+
+
+def test_the_verb_serves_until_it_is_interrupted(tmp_path: Path) -> None:
     rng = np.random.default_rng(3)
     record = measure(a_motor({}), voltage_profile('steps', 4.0, rng), rng)
     data = tmp_path / 'drive.csv'
