@@ -12,7 +12,6 @@ from motor_sysid.errors import UserError
 if TYPE_CHECKING:
     from motor_sysid.nodes.configuration import Configuration
     from motor_sysid.nodes.replay import Replay
-    from motor_sysid.recording.sources import Source
 
 HELP = 'run the identifier over a bag and print its estimates'
 
@@ -27,7 +26,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--model', type=Path, help='model to start from (default: as recorded)')
     parser.add_argument('--estimator', metavar='KEY', help='default: as recorded, else rls')
     parser.add_argument('--msg-config', help='which topic carries which signal')
-    parser.add_argument('--node', default='identifier', help='name of the recorded identifier')
+    parser.add_argument(
+        '--node', default='identifier', metavar='NAME',
+        help='recorded identifier, with its namespace where there are several: left/identifier',
+    )  # fmt: skip
     parser.add_argument('--csv', type=Path, help='write every estimate to this file')
     parser.add_argument('--json', type=Path, help='write the result to this file')
 
@@ -35,14 +37,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Replay, print, and tell with the exit code of `--check` whether all is equal (0) or not."""
     from motor_sysid.nodes.replay import replay
-    from motor_sysid.nodes.topics import DEFAULT_SOURCES
+    from motor_sysid.nodes.topics import DEFAULT_CONFIG
+    from motor_sysid.recording import load_msg_config
 
-    sources: tuple[Source, ...] = DEFAULT_SOURCES
-    if args.msg_config:
-        from motor_sysid.recording import load_msg_config
-
-        sources = load_msg_config(args.msg_config).all_sources()
-    result = replay(args.bag, _configuration(args), sources, args.node)
+    config = load_msg_config(args.msg_config) if args.msg_config else DEFAULT_CONFIG
+    result = replay(args.bag, _configuration(args), config, args.node)
     _print(result)
     if args.csv:
         _write_csv(result, args.csv)

@@ -13,17 +13,13 @@ from motor_sysid.estimation.stream import Event
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.statuses import estimate_statuses, text_of
-from motor_sysid.nodes.topics import (
-    DEFAULT_SOURCES,
-    plan_signals,
-    SignalPlan,
-    TopicPlan,
-    with_types,
-)
+from motor_sysid.nodes.topics import DEFAULT_CONFIG, plan_signals, SignalPlan, TopicPlan
+from motor_sysid.recording.bag_rows import find_topic, topic_of
 from motor_sysid.recording.definitions import definitions
 from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.recording.messages import Topic
 from motor_sysid.recording.rosbag import Bag
-from motor_sysid.recording.sources import Source
+from motor_sysid.recording.sources import MsgConfig
 
 DIAGNOSTICS = 'diagnostic_msgs/msg/DiagnosticArray'
 Texts = Mapping[str, Mapping[str, str]]
@@ -103,7 +99,7 @@ class Replay:
 def replay(
     path: str | Path,
     configuration: Configuration | None = None,
-    sources: tuple[Source, ...] = DEFAULT_SOURCES,
+    msg_config: MsgConfig = DEFAULT_CONFIG,
     node: str = 'identifier',
 ) -> Replay:
     """Run over a bag.
@@ -115,21 +111,23 @@ def replay(
     configuration:
         What the identifier is set to all the time; default: as recorded on ~/model, with every
         change at the sample at which it was made.
-    sources:
+    msg_config:
         Which topic carries which signal.
     node:
-        Name of the identifier whose topics are looked up in the bag.
+        Name of the identifier whose topics are looked up in the bag, with its namespace where
+        there are several; the topics of the motor are then those of this namespace, if it has any.
 
     Raises
     ------
     UserError
-        If a needed topic is missing, or no configuration was recorded and none is given.
+        If a needed topic is missing or not the only one of its name, or no configuration was
+        recorded and none is given.
     """
     begin = time.perf_counter()
     bag = Bag(path)
-    recorded = _recorded_estimates(bag, node)
+    recorded = _published(bag, node, 'estimate')
     given, *changes = [configuration] if configuration else recorded_configurations(bag, node)
-    plan = _plan(bag, given, sources)
+    plan = _plan(bag, given, _beside(bag, node, msg_config))
     pipeline = given.pipeline(plan, _readers(bag, plan), window=2)
     for change in changes:
         pipeline.stream.change(change.make, change.since)
@@ -165,8 +163,7 @@ def recorded_configurations(bag: Bag, node: str = 'identifier') -> list[Configur
     UserError
         If the bag has none.
     """
-    topic = _find(bag, f'{node}/model')
-    messages = list(_diagnostics(bag, topic)) if topic else []
+    messages = _published(bag, node, 'model')
     if not messages:
         raise UserError(
             f'{bag.path} holds no configuration of an identifier (topic `{node}/model`); '
@@ -197,14 +194,28 @@ def _run(bag: Bag, pipeline: Pipeline, plans: Sequence[TopicPlan]) -> Iterator[E
     yield from pipeline.advance()
 
 
-def _plan(bag: Bag, given: Configuration, sources: Sequence[Source]) -> SignalPlan:
+def _beside(bag: Bag, node: str, config: MsgConfig) -> MsgConfig:
+    """Return the msg_config in the namespace of the node, where the bag has topics of it there."""
+    inside = replace(config, namespace=node.strip('/').rpartition('/')[0])
+    relative = [s for s in config.all_sources() if not s.topic.startswith('/')]
+    if config.namespace or not any(topic_of(bag, source, inside) for source in relative):
+        return config
+    return inside
+
+
+def _plan(bag: Bag, given: Configuration, config: MsgConfig) -> SignalPlan:
     """Choose the topics, under the names and types that they have in the bag."""
-    names = {s.topic: _find(bag, s.topic) for s in sources if s.topic}
-    types = {topic: bag.topics[name].msgtype for topic, name in names.items() if name}
-    plan = plan_signals(with_types(sources, types), given.wanted())
-    return replace(
-        plan, topics=tuple(replace(t, topic=_existing(bag, t.topic)) for t in plan.topics)
-    )
+    places = [(source, topic_of(bag, source, config)) for source in config.all_sources()]
+    sources = [
+        replace(source, topic=topic.name, type=topic.msgtype) if topic else source
+        for source, topic in places
+        if topic or source.derived
+    ]
+    try:
+        return plan_signals(sources, given.wanted())
+    except UserError as error:
+        known = ', '.join(bag.topics) or 'no topics'
+        raise UserError(f'{bag.path} has {known}: {error}') from None
 
 
 def _readers(bag: Bag, plan: SignalPlan) -> list[FieldReader]:
@@ -212,29 +223,15 @@ def _readers(bag: Bag, plan: SignalPlan) -> list[FieldReader]:
     return [topic.reader(types) for topic in plan.topics]
 
 
-def _existing(bag: Bag, topic: str) -> str:
-    found = _find(bag, topic)
-    if found is None:
-        raise UserError(
-            f'{bag.path} has no topic `{topic}`; it has {", ".join(bag.topics) or "none"}. '
-            'Name the topics in a msg_config file'
-        )
-    return found
-
-
-def _find(bag: Bag, topic: str) -> str | None:
-    tail = '/' + topic.strip('/')
-    return next((name for name in bag.topics if name.endswith(tail)), None)
-
-
-def _recorded_estimates(bag: Bag, node: str) -> list[Published]:
-    topic = _find(bag, f'{node}/estimate')
+def _published(bag: Bag, node: str, name: str) -> list[Published]:
+    """Return what a node published on a topic of its own."""
+    topic = find_topic(bag, f'{node}/{name}', '`--node {}/' + node + '`')
     return list(_diagnostics(bag, topic)) if topic else []
 
 
-def _diagnostics(bag: Bag, topic: str) -> Iterator[Published]:
+def _diagnostics(bag: Bag, topic: Topic) -> Iterator[Published]:
     store = get_typestore(Stores.ROS2_JAZZY)
-    for _, _, data in bag.iterate([topic]):
+    for _, _, data in bag.iterate([topic.name]):
         message = store.deserialize_cdr(data, DIAGNOSTICS)
         stamp = message.header.stamp  # type: ignore[attr-defined]
         statuses = {

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.recording.definitions import Types
 from motor_sysid.recording.field_reader import FieldReader
-from motor_sysid.recording.sources import Source
+from motor_sysid.recording.sources import MsgConfig, Source
 
 Array = NDArray[np.float64]
 
@@ -29,6 +29,10 @@ DEFAULT_SOURCES = (
     ),
 )
 """The package's own topics; a vector carries x, or a, b, c, or d, q, as the motor kind asks."""
+
+DEFAULT_CONFIG = MsgConfig(
+    {source.signal: (source,) for source in DEFAULT_SOURCES}, origin='of this package'
+)
 
 OPTIONAL = frozenset({'position'})
 """Signals without which estimation goes on."""

@@ -42,7 +42,7 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     """
     if not bag.topics:
         raise UserError(f'{bag.path} is empty: it has no topics')
-    places = [(source, _topic(bag, source, config)) for source in config.all_sources()]
+    places = [(source, topic_of(bag, source, config)) for source in config.all_sources()]
     wanted = {topic.name: topic for _, topic in places if topic}
     if not wanted:
         raise UserError(_nothing_found(bag, config))
@@ -69,31 +69,44 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     return rows, chosen, [*known, *clock_findings(series), *joined]
 
 
-def _topic(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
-    """Find the topic of a source; a relative name also matches below any namespace."""
+def topic_of(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
+    """Return the topic of a source; None if it has none, or the bag has not.
+
+    Raises
+    ------
+    UserError
+        If the bag has several, or one of another type.
+    """
     if not source.topic:
         return None
     name = source.topic
     if not name.startswith('/') and config.namespace:
         name = f'/{config.namespace}/{name}'
+    topic = find_topic(bag, name, '`namespace: {}` in a msg_config file')
+    if topic and source.type and source.type != topic.msgtype:
+        raise UserError(
+            f'topic `{topic.name}` has type `{topic.msgtype}`, the msg_config {config.origin} '
+            f'says `{source.type}`'
+        )
+    return topic
+
+
+def find_topic(bag: Bag, name: str, choice: str) -> Topic | None:
+    """Return the topic of that name, None if there is none.
+
+    A relative name also matches below any namespace; where it does below several, `choice` says
+    how to choose the one whose namespace takes the place of its braces.
+    """
     tail = name if name.startswith('/') else f'/{name}'
     matches = [t for t in bag.topics if t in (name, tail)]
     if not matches and not name.startswith('/'):
         matches = [t for t in bag.topics if t.endswith(tail)]
     if len(matches) > 1:
         raise UserError(
-            f'{bag.path} has several topics for `{name}`: {", ".join(matches)}; '
-            f'choose one with `namespace: {matches[0].removesuffix(tail)}` in a msg_config file'
+            f'{bag.path} has several topics for `{name}`: {", ".join(matches)}; choose one with '
+            f'{choice.format(matches[0].removesuffix(tail))}'
         )
-    if not matches:
-        return None
-    topic = bag.topics[matches[0]]
-    if source.type and source.type != topic.msgtype:
-        raise UserError(
-            f'topic `{topic.name}` has type `{topic.msgtype}`, the msg_config {config.origin} '
-            f'says `{source.type}`'
-        )
-    return topic
+    return bag.topics[matches[0]] if matches else None
 
 
 def _choose(
