@@ -190,8 +190,58 @@ def test_dates_as_time(tmp_path: Path) -> None:
     text = 'time: {column: when, unit: iso8601}\nsignals: {speed: {column: v}}'
     assert load(path, config(tmp_path / 'a.yaml', text)).records[0].time[3] == 3
     path.write_text('when,v\nyesterday,1\ntoday,2\n')
-    with pytest.raises(UserError, match='holds no dates'):
+    with pytest.raises(UserError, match='line 2, column `when`: `yesterday` is not a date; 2 of'):
         load(path, tmp_path / 'a.yaml')
+
+
+def dated(count: int = 300) -> list[str]:
+    return [f'2025-11-12T10:03:29.{k:03d}Z,{k},{k // 150}' for k in range(count)]
+
+
+@pytest.mark.parametrize(
+    ('row', 'line', 'kept', 'code'),
+    [
+        (250, ',250,1', 299, 'missing_values'),
+        (0, ',0,0', 299, 'missing_values'),
+        (7, 'null,7,0', 299, 'missing_values'),
+        (7, 'today,7,0', 299, 'text_in_number_column'),
+        (299, '2025-11-12T10:03', 299, 'broken_lines'),
+        (9, '# a comment', 299, ''),
+        (9, '  # another', 299, ''),
+        (0, '2025-11-12T11:03:29.000+01:00,0,0', 300, ''),
+    ],
+)
+@pytest.mark.filterwarnings('error')
+def test_one_odd_row_among_dates_costs_no_other(
+    tmp_path: Path, row: int, line: str, kept: int, code: str
+) -> None:
+    """Time, signals and names of segments keep the same rows."""
+    rows = dated()
+    rows[row] = line
+    path = tmp_path / 'a.csv'
+    path.write_text('\n'.join(['when,v,test', *rows]))
+    text = 'time: {column: when, unit: iso8601}\nsegment_by: test\nsignals: {speed: {column: v}}'
+    loaded = load(path, config(tmp_path / 'a.yaml', text))
+    assert sum(map(len, loaded.records)) == kept
+    assert [one.provenance.notes[0] for one in loaded.records] == ['part `0`', 'part `1`']
+    begin = line == ',0,0'
+    for one in loaded.records:
+        assert one.time == pytest.approx((one['speed'] - begin) / 1000)
+    found = {finding.code for finding in loaded.findings} - {'missing_values'}
+    assert found == {code} - {'missing_values', ''}
+
+
+@pytest.mark.parametrize(
+    ('dates', 'message'),
+    [('', 'column `when` holds no date'), ('7', '`7` is not a date; 20 of 20'),
+     ('today', '`today` is not a date; 20 of 20')],
+)  # fmt: skip
+def test_what_holds_no_dates_is_refused(tmp_path: Path, dates: str, message: str) -> None:
+    path = tmp_path / 'a.csv'
+    path.write_text('when,v\n' + f'{dates},1\n' * 20)
+    text = 'time: {column: when, unit: iso8601}\nsignals: {speed: {column: v}}'
+    with pytest.raises(UserError, match=message):
+        load(path, config(tmp_path / 'a.yaml', text))
 
 
 ARRAY = "signals: {speed: {topic: drive, field: 'data[2]'}}"

@@ -14,6 +14,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.recording import load, Loaded
 from motor_sysid.recording.headers import understand
 from motor_sysid.recording.save import write_record
+from motor_sysid.recording.table import read_table
 
 
 def codes(loaded: Loaded) -> set[str]:
@@ -92,6 +93,10 @@ def test_round_trip_is_exact(tmp_path: Path, suffix: str) -> None:
         '"time [s]","voltage [V]","speed [rad/s]","note"\n0,1,"2","a, b"\n0.1,1,3,\n',
         HEADER + ',note\n0,1,2,ok\n0.1,1,3,"x"\n',
         HEADER + '\n0,1,2\n0.1,1,3\n0.2,1',
+        '# comment\n' * 150 + HEADER + '\n0,1,2\n  # comment, too\n0.1,1,3 # a, b, c\n   \n',
+        HEADER + ',\n0,1,2,\n0.1,1,3, ,\n',
+        '"time [s]";"voltage, of the motor [V]";"speed [rad/s]"\n0;1;2\n0,1;1;3\n',
+        HEADER + '\n0,1,2\n0.1,1,3\n0.2' + '\0' * 200_000,
     ],
 )
 def test_dialects(tmp_path: Path, text: str) -> None:
@@ -127,6 +132,44 @@ def test_many_bad_cells_are_refused(tmp_path: Path) -> None:
     rows = [row if k % 4 else f'{0.001 * k},n.a.,7' for k, row in enumerate(ramp())]
     with pytest.raises(UserError, match=r'line 2, column `voltage \[V\]`: `n.a.` .* 50 of 200'):
         load(table(tmp_path / 'a.csv', HEADER, rows))
+
+
+@pytest.mark.parametrize(
+    ('rows', 'message'),
+    [
+        ([f'{k},{row}' for k, row in enumerate(ramp())],
+         r'line 2 has 4 values for 3 columns \(time .*200 of 200 lines\); numbers of rows wit'),
+        ([row.replace(',', ';').replace('.', ',').replace(';', ',') for row in ramp()],
+         r'line 2 has 5 values .* decimal commas between commas'),
+        ([*ramp(50), '"0.05,1,2', *ramp(5)], 'line 52 has a quote that is not closed'),
+        (['x' * 200_000 + row for row in ramp(3)], 'line 2 has 2000.. letters'),
+    ],
+)  # fmt: skip
+def test_rows_that_are_none_are_refused(tmp_path: Path, rows: list[str], message: str) -> None:
+    with pytest.raises(UserError, match=message):
+        load(table(tmp_path / 'a.csv', HEADER, rows))
+
+
+@pytest.mark.parametrize('line', ['"0.1,1,50', '0.1,"1,50', '0.1,1,5,0', '0' * 200_000])
+def test_a_broken_line_costs_no_other(tmp_path: Path, line: str) -> None:
+    rows = ramp()
+    rows[100] = line
+    loaded = load(table(tmp_path / 'a.csv', HEADER, [*rows, '0.2,']))
+    assert loaded.records[0]['speed'].tolist() == [0.5 * k for k in range(200) if k != 100]
+    assert codes(loaded) == {'broken_lines'}
+    cut, broken = (f for f in loaded.findings)
+    assert (cut.severity, cut.numbers['line']) == ('info', 202)
+    assert 'the last line (202) breaks off with 2 of 3 values' in cut.message
+    assert (broken.severity, broken.numbers['line']) == ('warning', 102)
+
+
+def test_zeros_after_the_text_are_said(tmp_path: Path) -> None:
+    path = table(tmp_path / 'a.csv', HEADER, ramp())
+    path.write_bytes(path.read_bytes() + bytes(4096))
+    loaded = load(path)
+    assert len(loaded.records[0]) == 200
+    (finding,) = loaded.findings
+    assert 'ends with 4096 zeros' in finding.message
 
 
 def test_empty_cells_and_not_a_number(tmp_path: Path) -> None:
@@ -253,6 +296,9 @@ def test_any_text_gives_a_record_or_a_user_error(tmp_path: Path, text: str) -> N
     except UserError:
         return
     assert loaded.records
+    found = read_table(path)
+    for name in found.names:
+        assert len(found.texts(name)) == found.numbers([name])[name].size
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=100)

@@ -69,6 +69,20 @@ class ArrayTable:
             )
         return found
 
+    def dates(self, column: str) -> Array:
+        """Refuse: dates are text, which only a CSV holds.
+
+        Raises
+        ------
+        UserError
+            Always.
+        """
+        self.position(column)
+        raise UserError(
+            f'{self.path}: column `{column}` holds numbers, no dates; give the unit of the time '
+            'in the msg_config file (s, ms, us, ns)'
+        )
+
     def texts(self, column: str) -> list[str]:
         """Return one column as texts."""
         return [f'{value:g}' for value in self.numbers([column])[column]]

@@ -1,54 +1,50 @@
 """Read a CSV file, plain or gzipped, into columns of numbers, and say which cell is wrong."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Sequence
 import csv
 from dataclasses import dataclass, field
-import io
 from pathlib import Path
 import re
+from typing import TypeVar
 import warnings
-import zlib
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.recording.table_lines import Lines, read_lines, TOLERATED
 from motor_sysid.signals.finding import Finding, Severity
 
 Array = NDArray[np.float64]
+Value = TypeVar('Value')
 
 MISSING = {'', 'na', 'n/a', 'null', 'none', '-', 'nan'}
+NO_DATE = np.datetime64('NaT', 'ns')
 WORDS = {'true': 1.0, 'false': 0.0}
-TOLERATED = 0.01
-"""Share of bad cells in a column up to which their rows are dropped instead of refused."""
 
 
 @dataclass
 class Table:
-    """A text table: its header, and its body still as text.
+    """A text table: its header, and its rows still as text.
 
     Attributes
     ----------
     path:
         The file.
-    names:
-        Headers of the columns, stripped.
-    body:
-        All lines below the header.
-    delimiter:
-        ``,``, ``;``, tab or ``|``.
-    first_line:
-        Line number of the first line of `body` in the file, from 1.
+    lines:
+        What it consists of.
     findings:
         What was wrong, filled while reading.
     """
 
     path: Path
-    names: tuple[str, ...]
-    body: str
-    delimiter: str
-    first_line: int
+    lines: Lines
     findings: list[Finding] = field(default_factory=list)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Headers of the columns."""
+        return self.lines.names
 
     def numbers(self, columns: Sequence[str]) -> dict[str, Array]:
         """Return columns (N,) as numbers; a missing or bad cell is NaN.
@@ -60,18 +56,44 @@ class Table:
         """
         positions = [self.position(name) for name in columns]
         try:
-            values = self._parse(self.body, positions)
+            values = self._parse(self.lines.rows, positions)
         except ValueError:
             try:
                 values = self._parse(self._filled(), positions)
             except ValueError:
-                return self._cell_by_cell(columns, positions)
+                return {name: self._cell_by_cell(name) for name in columns}
         return {name: values[:, i].copy() for i, name in enumerate(columns)}
 
+    def dates(self, column: str) -> Array:
+        """Return a column of dates such as ``2025-11-12T10:03:29.555Z``.
+
+        Returns
+        -------
+        Array
+            (N,) s since the first of them; a missing or bad cell is NaN.
+
+        Raises
+        ------
+        UserError
+            If more than 1 % of the cells are no dates.
+        """
+        texts = self.texts(column)
+        try:
+            stamps = _stamps(texts)
+        except ValueError:
+            found = self._each(column, texts, _stamp, 'date')
+            stamps = np.array([NO_DATE if x is None else x for x in found])
+        known = ~np.isnat(stamps)
+        if not np.any(known):
+            raise UserError(f'{self.path}: column `{column}` holds no date')
+        since = (stamps - stamps[known][0]).astype(np.int64) / 1e9
+        return np.where(known, since, np.nan)
+
     def texts(self, column: str) -> list[str]:
-        """Return one column as stripped texts."""
+        """Return one column (N,) as stripped texts."""
         position = self.position(column)
-        return [row[position].strip() if position < len(row) else '' for row in self._rows()]
+        reader = csv.reader(self.lines.rows, delimiter=self.lines.delimiter)
+        return [row[position].strip() if position < len(row) else '' for row in reader]
 
     def position(self, name: str) -> int:
         """Return the position of a column.
@@ -89,65 +111,54 @@ class Table:
             )
         return self.names.index(name)
 
-    def _parse(self, body: str, positions: Sequence[int]) -> Array:
-        quoted = '"' if '"' in body else None
-        comments = '#' if '#' in body else None
+    def _parse(self, rows: Sequence[str], positions: Sequence[int]) -> Array:
+        quoted, comments = (mark if mark in self.lines.marks else None for mark in '"#')
         with warnings.catch_warnings():
             warnings.simplefilter('ignore', UserWarning)  # nothing but comments: said later
-            return np.loadtxt(
-                io.StringIO(body), delimiter=self.delimiter, usecols=positions, ndmin=2,
+            values = np.loadtxt(
+                rows, delimiter=self.lines.delimiter, usecols=positions, ndmin=2,
                 comments=comments, quotechar=quoted,
             )  # fmt: skip
+        if len(values) != len(rows):
+            raise ValueError('a comment was taken for a row')
+        return values
 
-    def _filled(self) -> str:
-        """Return the body with ``nan`` in empty cells."""
-        mark = re.escape(self.delimiter)
+    def _filled(self) -> list[str]:
+        """Return the rows with ``nan`` in empty cells."""
+        mark = re.escape(self.lines.delimiter)
         blank = r'[^\S\n\t]*'
-        body = re.sub(rf'(?m)(?<={mark}){blank}(?={mark}|$)', 'nan', self.body)
-        return re.sub(rf'(?m)^{blank}(?={mark})', 'nan', body)
+        body = '\n'.join(self.lines.rows)
+        body = re.sub(rf'(?m)(?<={mark}){blank}(?={mark}|$)', 'nan', body)
+        return re.sub(rf'(?m)^{blank}(?={mark})', 'nan', body).split('\n')
 
-    def _rows(self) -> Iterable[list[str]]:
-        reader = csv.reader(io.StringIO(self.body), delimiter=self.delimiter)
-        return (row for row in reader if row and not row[0].startswith('#'))
-
-    def _cell_by_cell(
-        self, columns: Sequence[str], positions: Sequence[int]
-    ) -> dict[str, Array]:
+    def _cell_by_cell(self, column: str) -> Array:
         """Read every cell on its own, and report those that are no numbers."""
-        reader = csv.reader(io.StringIO(self.body), delimiter=self.delimiter)
-        lines: list[int] = []
-        rows: list[list[str]] = []
-        for row in reader:
-            if row and not row[0].startswith('#'):
-                lines.append(self.first_line + reader.line_num - 1)
-                rows.append(row)
-        if rows and len(rows[-1]) < len(self.names):
-            rows.pop()  # the last line of a logger that was stopped while writing
-        found: dict[str, Array] = {}
-        for name, position in zip(columns, positions, strict=True):
-            cells = [row[position] if position < len(row) else '' for row in rows]
-            numbers = [_number(cell) for cell in cells]
-            found[name] = np.array([np.nan if x is None else x for x in numbers])
-            bad = [i for i, number in enumerate(numbers) if number is None]
-            if bad:
-                self._report(name, len(bad), len(rows), lines[bad[0]], cells[bad[0]])
-        return found
+        numbers = self._each(column, self.texts(column), _number, 'number')
+        return np.array([np.nan if x is None else x for x in numbers])
 
-    def _report(self, name: str, bad: int, total: int, line: int, cell: str) -> None:
-        """Note bad cells, or refuse the file if there are many."""
-        where = f'line {line}, column `{name}`: `{cell.strip()[:40]}` is not a number'
-        if bad > TOLERATED * total:
+    def _each(
+        self, column: str, cells: Sequence[str], read: Callable[[str], Value | None], kind: str
+    ) -> list[Value | None]:
+        """Read every cell; note those that are not of the kind, or refuse the file if many are."""
+        values = [read(cell) for cell in cells]
+        bad = [k for k, value in enumerate(values) if value is None]
+        if not bad:
+            return values
+        line, share = self.lines.numbers[bad[0]], f'{len(bad)} of {len(cells)} rows'
+        where = f'line {line}, column `{column}`: `{cells[bad[0]][:40]}` is not a {kind}'
+        if len(bad) > TOLERATED * len(cells):
             raise UserError(
-                f'{self.path}: {where}; {bad} of {total} rows are like that; mend the file, or '
-                'leave the column out through a msg_config file'
+                f'{self.path}: {where}; {share} are like that; mend the file, or leave the column '
+                'out through a msg_config file'
             )
         self.findings.append(
             Finding(
-                Severity.WARNING, 'text_in_number_column', f'{where} ({bad} of {total} rows)',
+                Severity.WARNING, 'text_in_number_column', f'{where} ({share})',
                 'these rows are left out', 'mend or delete them if they matter',
-                {'rows': bad, 'line': line},
+                {'rows': len(bad), 'line': line},
             )
         )  # fmt: skip
+        return values
 
 
 def read_table(path: Path) -> Table:
@@ -159,65 +170,13 @@ def read_table(path: Path) -> Table:
         If it is empty, not text, or has no header or no rows.
     """
     findings: list[Finding] = []
-    text = _text(path, findings)
-    lines = text.split('\n', 100)
-    start = next((i for i, x in enumerate(lines) if x.strip() and not x.startswith('#')), None)
-    if start is None:
-        raise UserError(f'{path} is empty; it needs a header line such as `time [s],voltage [V]`')
-    header = lines[start]
-    delimiter = max(',;\t|', key=header.count)
-    names = tuple(name.strip() for name in next(csv.reader([header], delimiter=delimiter)))
-    if all(_number(name) is not None for name in names):
+    lines = read_lines(path, findings)
+    if all(_number(name) is not None for name in lines.names):
         raise UserError(
-            f'{path} has no header line: it begins with `{header.strip()[:60]}`; '
-            'put one above, such as `time [s],voltage [V],speed [rad/s]`'
+            f'{path} has no header line: it begins with `{", ".join(lines.names)[:60]}`; '
+            'put one above, such as `time [s],voltage [V]`'
         )
-    body = text.split('\n', start + 1)[start + 1] if len(lines) > start + 1 else ''
-    if not body.strip():
-        raise UserError(f'{path} has a header ({", ".join(names)}) but no rows')
-    if delimiter == ';' and ',' in body:
-        body = body.replace(',', '.')  # a decimal comma
-    return Table(path, names, body, delimiter, start + 2, findings)
-
-
-def _text(path: Path, findings: list[Finding]) -> str:
-    """Return the text of a file, decompressed as far as that is possible."""
-    data = path.read_bytes()
-    if data[:2] == b'\x1f\x8b':
-        data = _gunzip(path, data, findings)
-    if b'\0' in data[:4096] and data[:2] not in {b'\xff\xfe', b'\xfe\xff'}:
-        raise UserError(
-            f'{path} is not a text file; DATA is a bag, .mcap, .db3, CSV, CSV.GZ, .mat or .npz'
-        )
-    encoding = 'utf-16' if data[:2] in {b'\xff\xfe', b'\xfe\xff'} else 'utf-8-sig'
-    try:
-        text = data.decode(encoding)
-    except UnicodeDecodeError:
-        text = data.decode('latin-1')
-    return text.replace('\r\n', '\n').replace('\r', '\n')
-
-
-def _gunzip(path: Path, data: bytes, findings: list[Finding]) -> bytes:
-    parts: list[bytes] = []
-    try:
-        while data:  # one file may be several gzip streams in a row
-            stream = zlib.decompressobj(wbits=31)
-            parts.append(stream.decompress(data))
-            if not stream.eof:
-                raise zlib.error('it breaks off')
-            data = stream.unused_data.lstrip(b'\0')
-    except zlib.error as error:
-        text = b''.join(parts)
-        if not text:
-            raise UserError(f'{path} is a damaged gzip file ({error})') from None
-        findings.append(
-            Finding(
-                Severity.WARNING, 'damaged_file', f'{path.name} is a damaged gzip file: {error}',
-                'the rows up to the damage were read', 'copy the file again from its source',
-            )
-        )  # fmt: skip
-        return text[: text.rfind(b'\n') + 1]
-    return b''.join(parts)
+    return Table(path, lines, findings)
 
 
 def _number(cell: str) -> float | None:
@@ -227,5 +186,23 @@ def _number(cell: str) -> float | None:
         return float('nan')
     try:
         return WORDS[word] if word in WORDS else float(word)
+    except ValueError:
+        return None
+
+
+def _stamps(cells: Sequence[str]) -> NDArray[np.datetime64]:
+    """Return dates, in UTC where they name their zone; raises ValueError if one is none."""
+    texts = ['' if cell.lower() in MISSING else cell.rstrip('Zz') for cell in cells]
+    if any(text and text[4:5] != '-' for text in texts):
+        raise ValueError('no date')  # numpy knows `today`, and takes a number for a year
+    with warnings.catch_warnings():
+        warnings.simplefilter('ignore')  # numpy has no zones: it converts, and complains
+        return np.array(texts, dtype='datetime64[ns]')
+
+
+def _stamp(cell: str) -> np.datetime64 | None:
+    """Return the date in a cell, not a time if it is empty, None if it is something else."""
+    try:
+        return np.datetime64(_stamps([cell])[0])
     except ValueError:
         return None

@@ -45,8 +45,6 @@ def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[s
     signals = {
         name: source.continuous(numbers[source.column]) for name, source in chosen.items()
     }
-    if time.size != next(iter(signals.values())).size:
-        raise UserError(f'{table.path}: rows have different numbers of columns')
     pieces = _segments(Rows(time, signals, units), table, config)
     return [_shifted(rows, chosen) for rows in pieces], chosen
 
@@ -66,7 +64,7 @@ def _shifted(rows: Rows, chosen: dict[str, Source]) -> Rows:
 def _time(table: Columns, time: TimeColumn, numbers: dict[str, Array]) -> Array:
     """Return the times (N,) of the rows, s."""
     if time.unit == ISO:
-        return _dates(table, time)
+        return table.dates(time.column)
     unit = parse_unit(time.unit)
     if time.column:
         return unit.to_si(numbers[time.column])
@@ -94,21 +92,16 @@ def _choose(table: Columns, config: MsgConfig) -> dict[str, Source]:
     return chosen
 
 
-def _dates(table: Columns, time: TimeColumn) -> Array:
-    """Time in s since the first row, from dates such as ``2025-11-12T10:03:29.555Z``."""
-    texts = [text.rstrip('Zz') for text in table.texts(time.column)]
-    try:
-        stamps = np.array(texts, dtype='datetime64[ns]')
-    except ValueError as error:
-        raise UserError(f'{table.path}: column `{time.column}` holds no dates: {error}') from None
-    return np.asarray((stamps - stamps[0]).astype(np.int64) / 1e9, dtype=np.float64)
-
-
 def _segments(rows: Rows, table: Columns, config: MsgConfig) -> list[Rows]:
     """Cut where the column named by `segment_by` changes."""
     if not config.segment_by:
         return [rows]
     labels = np.array(table.texts(config.segment_by))
+    if labels.size != rows.time.size:
+        raise UserError(
+            f'{table.path}: `segment_by` column `{config.segment_by}` has {labels.size} values, '
+            f'the others {rows.time.size}; they belong to different records'
+        )
     edges = [0, *(np.flatnonzero(labels[1:] != labels[:-1]) + 1).tolist(), labels.size]
     return [
         replace(rows.take(slice(start, stop)), label=str(labels[start]))
