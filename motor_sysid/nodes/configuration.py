@@ -9,10 +9,11 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.estimation.stream import EstimateStream, Rates
 from motor_sysid.nodes.pipeline import Pipeline
-from motor_sysid.nodes.topics import SignalPlan
+from motor_sysid.nodes.topic_plan import TopicReader
+from motor_sysid.nodes.topics import DC, plan_signals, SignalPlan, untyped
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import dump_model, parse_model
-from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.recording.sources import Source
 
 SECOND = 1_000_000_000
 
@@ -105,7 +106,20 @@ class Configuration:
         """Return the signals to listen to."""
         return (*self.inputs(), *self.outputs())
 
-    def pipeline(self, plan: SignalPlan, readers: Sequence[FieldReader], window: int) -> Pipeline:
+    @property
+    def frame(self) -> str:
+        """``frame_id`` of the voltages and currents of such a motor."""
+        return self.model.kind.frame or DC
+
+    def untyped(self, sources: Sequence[Source]) -> set[str]:
+        """Return the topics to listen to whose type is not given."""
+        return untyped(sources, self.wanted(), self.frame)
+
+    def plan(self, sources: Sequence[Source]) -> SignalPlan:
+        """Return what to listen to; see `plan_signals`."""
+        return plan_signals(sources, self.wanted(), self.frame)
+
+    def pipeline(self, plan: SignalPlan, readers: Sequence[TopicReader], window: int) -> Pipeline:
         """Return the working part."""
         rates = Rates(
             round(SECOND / self.estimate_rate),

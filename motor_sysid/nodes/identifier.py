@@ -43,7 +43,7 @@ from motor_sysid.nodes.statuses import (
     fit_statuses,
     Status,
 )
-from motor_sysid.nodes.topics import plan_signals, untyped, with_types
+from motor_sysid.nodes.topics import with_types
 
 FIELDS = {
     'position': 'position', 'speed': 'velocity', 'current': 'effort', 'current_q': 'effort',
@@ -119,11 +119,11 @@ class IdentifierNode(LoopNode):
     def _connect(self) -> None:
         """Listen, as soon as the types of all topics are known."""
         here = dict(self.get_topic_names_and_types())
-        asked = untyped(self._sources, self._configuration.wanted())
+        asked = self._configuration.untyped(self._sources)
         found = {t: here[n][0] for t in asked if (n := self.resolve_topic_name(t)) in here}
         if asked - set(found):
             return
-        plan = plan_signals(with_types(self._sources, found), self._configuration.wanted())
+        plan = self._configuration.plan(with_types(self._sources, found))
         readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
         self._pipeline = self._configuration.pipeline(
             plan, readers, self.settings.value.window_samples

@@ -9,7 +9,7 @@ from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.hidden import parse_assignments
 from motor_sysid.nodes.parameters import parameter
-from motor_sysid.nodes.topics import DEFAULT_SOURCES
+from motor_sysid.nodes.topics import DEFAULT_CONFIG, sources_of
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.store import load_model
@@ -125,6 +125,4 @@ class IdentifierSettings:
 
     def sources(self) -> tuple[Source, ...]:
         """Return which topic carries which signal."""
-        if not self.msg_config:
-            return DEFAULT_SOURCES
-        return load_msg_config(self.msg_config).all_sources()
+        return sources_of(load_msg_config(self.msg_config) if self.msg_config else DEFAULT_CONFIG)

@@ -15,8 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.stream import EstimateStream, Event
+from motor_sysid.nodes.topic_plan import TopicReader
 from motor_sysid.nodes.topics import OPTIONAL, SignalPlan
-from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.signals.join import Row, StampJoin
 from motor_sysid.signals.record import Provenance, Record
 
@@ -86,7 +86,8 @@ class Pipeline:
     signals:
         Every signal of the window, in order.
     not_finite:
-        Samples with a value that is no finite number where one is needed.
+        Samples with a value that is no finite number where one is needed, and messages whose
+        stamp is none.
     overrun:
         Samples dropped because the estimator is slower than they come.
     """
@@ -94,7 +95,7 @@ class Pipeline:
     def __init__(
         self,
         plan: SignalPlan,
-        readers: Sequence[FieldReader],
+        readers: Sequence[TopicReader],
         stream: EstimateStream,
         inputs: Sequence[str],
         outputs: Sequence[str],
@@ -102,7 +103,6 @@ class Pipeline:
         tolerance: int = 0,
     ) -> None:
         self._plan, self._readers = plan, tuple(readers)
-        self._stamped = [len(topic.stamp) for topic in plan.topics]
         self.join = StampJoin(len(plan.topics), tolerance=tolerance)
         self.stream, self.not_finite = stream, 0
         self.signals = plan.signals
@@ -126,12 +126,11 @@ class Pipeline:
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
-        values = self._readers[topic].read(data)
-        if self._stamped[topic]:
-            stamp = int(values[0]) * SECOND + int(values[1])
-            self.join.push(topic, stamp, values[2:])
+        stamp, values = self._readers[topic].read(data, received)
+        if stamp is None:
+            self.not_finite += 1
         else:
-            self.join.push(topic, received, values)
+            self.join.push(topic, stamp, values)
 
     def collect(self) -> int:
         """Join what was pushed; return how many samples wait to be worked on."""

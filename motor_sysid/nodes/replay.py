@@ -13,10 +13,10 @@ from motor_sysid.estimation.stream import Event
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.statuses import estimate_statuses, text_of
-from motor_sysid.nodes.topics import DEFAULT_CONFIG, plan_signals, SignalPlan, TopicPlan
+from motor_sysid.nodes.topic_plan import TopicPlan, TopicReader
+from motor_sysid.nodes.topics import DEFAULT_CONFIG, SignalPlan
 from motor_sysid.recording.bag_rows import find_topic, topic_of
 from motor_sysid.recording.definitions import definitions
-from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.recording.messages import Topic
 from motor_sysid.recording.rosbag import Bag
 from motor_sysid.recording.sources import MsgConfig
@@ -212,13 +212,13 @@ def _plan(bag: Bag, given: Configuration, config: MsgConfig) -> SignalPlan:
         if topic or source.derived
     ]
     try:
-        return plan_signals(sources, given.wanted())
+        return given.plan(sources)
     except UserError as error:
         known = ', '.join(bag.topics) or 'no topics'
         raise UserError(f'{bag.path} has {known}: {error}') from None
 
 
-def _readers(bag: Bag, plan: SignalPlan) -> list[FieldReader]:
+def _readers(bag: Bag, plan: SignalPlan) -> list[TopicReader]:
     types = definitions(bag.topics[topic.topic] for topic in plan.topics)
     return [topic.reader(types) for topic in plan.topics]
 

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.recording.definitions import Types
-from motor_sysid.recording.field_reader import FieldReader
+from motor_sysid.nodes.topic_plan import TopicPlan
 from motor_sysid.recording.sources import MsgConfig, Source
 
 Array = NDArray[np.float64]
@@ -37,30 +36,8 @@ DEFAULT_CONFIG = MsgConfig(
 OPTIONAL = frozenset({'position'})
 """Signals without which estimation goes on."""
 
-
-@dataclass(frozen=True)
-class TopicPlan:
-    """One topic to listen to.
-
-    Attributes
-    ----------
-    topic, message_type:
-        Its name as in the msg_config file, and its type.
-    stamp:
-        Paths of seconds and nanoseconds; empty where the time of reception counts.
-    sources:
-        The signals that it carries.
-    """
-
-    topic: str
-    message_type: str
-    stamp: tuple[str, ...]
-    sources: tuple[Source, ...]
-
-    def reader(self, types: Types | None = None) -> FieldReader:
-        """Return a reader of the stamp's parts, then of the signals."""
-        fields = (source.field for source in self.sources)
-        return FieldReader(self.message_type, (*self.stamp, *fields), types)
+DC = 'dc'
+"""``frame_id`` of a motor that has no phases; the others have that of their kind."""
 
 
 @dataclass(frozen=True)
@@ -107,11 +84,25 @@ class SignalPlan:
         return np.column_stack(list(columns.values()))
 
 
-def plan_signals(sources: Sequence[Source], wanted: Collection[str]) -> SignalPlan:
+def sources_of(config: MsgConfig) -> tuple[Source, ...]:
+    """Return the sources of a msg_config, their relative topics in its namespace if it has one."""
+    start = f'/{config.namespace}/' if config.namespace else ''
+    return tuple(
+        replace(source, topic=start + source.topic)
+        if source.topic and not source.topic.startswith('/')
+        else source
+        for source in config.all_sources()
+    )
+
+
+def plan_signals(
+    sources: Sequence[Source], wanted: Collection[str], frame: str = DC
+) -> SignalPlan:
     """Choose a source for each wanted signal.
 
-    The first source of a signal that can be read live is taken; one with a condition on the text
-    of the first message only if an empty text meets it.
+    The first source of a signal that can be read live is taken.  No message has come yet: one with
+    a condition on the ``frame_id`` is taken if that of the motor kind, `frame`, meets it, one with
+    a condition on another text if an empty one does.
 
     Raises
     ------
@@ -120,29 +111,27 @@ def plan_signals(sources: Sequence[Source], wanted: Collection[str]) -> SignalPl
     """
     chosen: dict[str, Source] = {}
     for signal in wanted:
-        if not _choose(signal, sources, chosen) and signal not in OPTIONAL:
+        if not _choose(signal, sources, frame, chosen) and signal not in OPTIONAL:
             raise UserError(
                 f'no topic carries `{signal}`; name one in the msg_config file, or choose a '
                 'motor kind that does not need it'
             )
-    grouped: dict[tuple[str, str, str], list[Source]] = defaultdict(list)
+    grouped: dict[tuple[str, str, str, str], list[Source]] = defaultdict(list)
     for source in chosen.values():
         if source.topic:
             if not source.type:
                 raise UserError(f'the type of `{source.topic}` is not known; add `type:` to it')
-            grouped[source.topic, source.type, source.stamp].append(source)
-    topics = tuple(
-        TopicPlan(topic, kind, _stamp_paths(stamp), tuple(members))
-        for (topic, kind, stamp), members in grouped.items()
-    )
+            place = source.topic, source.type, source.stamp, source.stamp_unit
+            grouped[place].append(source)
+    topics = tuple(TopicPlan(*place, tuple(members)) for place, members in grouped.items())
     return SignalPlan(topics, tuple(source for source in chosen.values() if source.derived))
 
 
-def untyped(sources: Sequence[Source], wanted: Collection[str]) -> set[str]:
+def untyped(sources: Sequence[Source], wanted: Collection[str], frame: str = DC) -> set[str]:
     """Return the topics among the wanted signals' sources whose type is not given."""
     chosen: dict[str, Source] = {}
     for signal in wanted:
-        _choose(signal, sources, chosen)
+        _choose(signal, sources, frame, chosen)
     return {s.topic for s in chosen.values() if s.topic and not s.type}
 
 
@@ -153,15 +142,17 @@ def with_types(sources: Sequence[Source], types: Mapping[str, str]) -> tuple[Sou
     )
 
 
-def _choose(signal: str, sources: Sequence[Source], chosen: dict[str, Source]) -> bool:
+def _choose(
+    signal: str, sources: Sequence[Source], frame: str, chosen: dict[str, Source]
+) -> bool:
     """Choose a source for one signal, and before it those that it is computed from."""
     if signal in chosen:
         return True
     for source in sources:
-        if source.signal != signal or (source.when and not source.when.holds('')):
+        if source.signal != signal or not _meets(source, frame):
             continue
         needed = dict(chosen)
-        parts = all(_choose(part, sources, needed) for part in source.parts)
+        parts = all(_choose(part, sources, frame, needed) for part in source.parts)
         if (source.topic or source.derived) and parts:
             chosen.update(needed)
             chosen[signal] = source
@@ -169,11 +160,11 @@ def _choose(signal: str, sources: Sequence[Source], chosen: dict[str, Source]) -
     return False
 
 
-def _stamp_paths(stamp: str) -> tuple[str, ...]:
-    if stamp == 'receive':
-        return ()
-    base = 'header.stamp' if stamp == 'header' else stamp
-    return f'{base}.sec', f'{base}.nanosec'
+def _meets(source: Source, frame: str) -> bool:
+    """Tell whether the condition of a source holds for all that is known before a message."""
+    if source.when is None:
+        return True
+    return source.when.holds(frame if source.when.field == 'header.frame_id' else '')
 
 
 def _is_plain(source: Source) -> bool:

@@ -1,0 +1,115 @@
+"""A msg_config file live: frames of motor kinds, stamps that are numbers, namespaces."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+from ros_harness import wait_for
+from std_msgs.msg import Float64MultiArray
+
+from motor_sysid.errors import UserError
+from motor_sysid.nodes.identifier import IdentifierNode
+from motor_sysid.nodes.identifier_settings import IdentifierSettings
+from motor_sysid.nodes.loop import LoopNode
+from motor_sysid.nodes.motor import MotorNode
+
+ARRAY = """
+namespace: arm
+stamp: 'data[0]'
+signals:
+  voltage: {topic: drive, field: 'data[1]', unit: V, stamp_unit: ms}
+  current: {topic: drive, field: 'data[2]', unit: A, stamp_unit: ms}
+  speed: {topic: drive, field: 'data[3]', unit: rad/s, stamp_unit: ms}
+"""
+
+
+@pytest.fixture
+def context() -> Iterator[Context]:
+    own = Context()
+    rclpy.init(context=own)
+    yield own
+    rclpy.try_shutdown(context=own)
+
+
+@pytest.fixture
+def other(context: Context) -> Iterator[Node]:
+    node = rclpy.create_node('other', context=context)
+    yield node
+    node.destroy_node()
+
+
+@pytest.fixture
+def make(context: Context) -> Iterator[Callable[..., LoopNode]]:
+    """Make nodes that are let go of even if the test fails."""
+    made: list[LoopNode] = []
+
+    def build(kind: type[LoopNode], **given: object) -> LoopNode:
+        made.append(kind(context, [Parameter(name, value=v) for name, v in given.items()]))
+        return made[-1]
+
+    yield build
+    for node in made:
+        node.destroy_node()
+
+
+@pytest.mark.parametrize('kind', ['brushed_dc', 'pmsm', 'bldc'])
+def test_the_shipped_default_is_the_default_for_every_motor(
+    make: Callable[..., LoopNode], kind: str
+) -> None:
+    motor = make(MotorNode, motor_kind=kind, rate=200.0)
+    given = make(IdentifierNode, motor=kind, msg_config='default')
+    plain = IdentifierSettings(motor=kind)
+
+    def look() -> bool:
+        motor.step()
+        given.step()
+        return given._pipeline is not None and given._pipeline.join.counts.joined > 10
+
+    wait_for(look, 'samples')
+    assert {topic.resolved for topic in given._topics} == {
+        '/motor/voltage', '/motor/current', '/motor/speed'
+    }  # fmt: skip
+    signals = plain.configuration().plan(plain.sources()).signals
+    assert sorted(given._pipeline.signals) == sorted(signals)
+
+
+@pytest.fixture
+def drive(tmp_path: Path) -> Path:
+    (tmp_path / 'drive.yaml').write_text(ARRAY)
+    return tmp_path / 'drive.yaml'
+
+
+def test_a_stamp_may_be_a_number_in_a_unit_below_a_namespace(
+    make: Callable[..., LoopNode], other: Node, drive: Path
+) -> None:
+    publisher = other.create_publisher(Float64MultiArray, '/arm/drive', 1000)
+    node = make(IdentifierNode, msg_config=str(drive))
+    wait_for(lambda: (node.step(), node._topics and node._topics[0].publishers)[1], 'a match')
+    assert node._topics[0].resolved == '/arm/drive'
+    for k in range(100):
+        data = [1000.5 + 2 * k, 6.0, 0.3, 40.0 + k] if k != 50 else []
+        publisher.publish(Float64MultiArray(data=data))
+    pipeline = node._pipeline
+    wait_for(lambda: (node.step(), pipeline.join.counts.joined == 99)[1], 'the samples')
+    wait_for(lambda: (node.step(), not node.hurry)[1], 'the rest')
+    stamps, values = pipeline.window.last()
+    assert stamps.tolist() == [1_000_500_000 + 2_000_000 * k for k in range(100) if k != 50]
+    assert values[-1].tolist() == [6.0, 0.3, 139.0]
+    assert pipeline.not_finite == 1, 'a message without a stamp'
+
+
+@pytest.mark.parametrize('stamp', ['header', 'layout', "'nothing[0]'"])
+def test_a_stamp_that_the_type_lacks_is_refused(
+    make: Callable[..., LoopNode], drive: Path, stamp: str
+) -> None:
+    text = ARRAY.replace("stamp: 'data[0]'", f'stamp: {stamp}', 1)
+    drive.write_text(text.replace('stamp_unit: ms', 'type: std_msgs/msg/Float64MultiArray'))
+    with pytest.raises(UserError, match=r'Float64MultiArray` of topic `/arm/drive` has no stamp'):
+        make(IdentifierNode, msg_config=str(drive))
