@@ -6,8 +6,8 @@ from pathlib import Path
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
-    load_data,
     load_effect_files,
+    load_parts,
     progress,
     write_json,
 )
@@ -34,11 +34,12 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.physics.store import load_model, save_model
 
     load_effect_files(args.effect_file)
+    train, held = load_parts(args)
     before, trial = add_effect(
         load_model(args.model),
         args.effect,
-        load_data(args.data, args.msg_config),
-        load_data(args.validate, args.msg_config),
+        train,
+        held,
         validation_fraction=args.hold_back,
         progress=progress(),
     )

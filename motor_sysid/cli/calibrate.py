@@ -11,9 +11,12 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
-    load_data,
     load_effect_files,
+    load_parts,
+    number,
     progress,
+    refuse_two_motors,
+    whole,
     write_json,
 )
 from motor_sysid.errors import UserError
@@ -47,14 +50,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--runs', type=int, default=300, metavar='N', help='complete-model runs (default: 300)'
     )
     parser.add_argument(
-        '--alpha', type=float, default=0.01, metavar='RATE',
+        '--alpha', type=number('--alpha', 0, 1), default=0.01, metavar='RATE',
         help='false-alarm rate to show the threshold of (default: %(default)g)',
     )  # fmt: skip
     parser.add_argument(
-        '--seed', type=int, default=0, metavar='N', help='of the runs (default: %(default)s)'
-    )
+        '--seed', type=whole('--seed', 0), default=0, metavar='N',
+        help='of the runs (default: %(default)s)',
+    )  # fmt: skip
     parser.add_argument(
-        '--workers', type=int, default=os.cpu_count() or 1, metavar='N',
+        '--workers', type=whole('--workers', 1), default=os.cpu_count() or 1, metavar='N',
         help='processes; the result does not depend on it (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
@@ -73,8 +77,7 @@ def run(args: argparse.Namespace) -> int:
 
     _refuse(args)
     load_effect_files(args.effect_file)
-    train = load_data(args.data, args.msg_config)
-    held = load_data(args.validate, args.msg_config)
+    train, held = load_parts(args)
     plan = make_plan(
         _complete(args, train, held),
         train,
@@ -98,12 +101,7 @@ def _refuse(args: argparse.Namespace) -> None:
             f'--runs {args.runs} tells nothing about rare events; make it at least {FEWEST}, '
             'better 300'
         )
-    if not 0.0 < args.alpha < 1.0:
-        raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
-    if args.workers < 1:
-        raise UserError(f'--workers {args.workers}; at least 1 is needed')
-    if args.seed < 0:
-        raise UserError(f'--seed is {args.seed}; it must be 0 or more')
+    refuse_two_motors(args)
 
 
 def _complete(

@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable, Sequence
 import json
+import math
 from pathlib import Path
 import sys
 from typing import TYPE_CHECKING
@@ -11,6 +12,51 @@ from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.signals.record import Record
+
+
+FEWEST = 20
+"""Samples that must be left to fit: fewer show no noise."""
+
+
+def number(
+    option: str, least: float, most: float = math.inf, *, closed: bool = False
+) -> Callable[[str], float]:
+    """Return the type of an option that takes a number.
+
+    Parameters
+    ----------
+    option:
+        Its name, for messages.
+    least, most:
+        The number lies between them, and may be `least` if `closed`.
+    """
+    span = f'from {least:g} on' if closed else f'above {least:g}'
+    span += f' and below {most:g}' if most < math.inf else ''
+
+    def read(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if least < value < most or (closed and value == least):
+            return value
+        raise UserError(f'{option} {text} is no number {span}')
+
+    return read
+
+
+def whole(option: str, least: int, most: int | None = None) -> Callable[[str], int]:
+    """Return the type of an option that takes a whole number from `least` on, up to `most`."""
+    span = f'from {least} on' if most is None else f'from {least} to {most}'
+
+    def read(text: str) -> int:
+        if text.strip().lstrip('+-').isdecimal():
+            value = int(text)
+            if least <= value and (most is None or value <= most):
+                return value
+        raise UserError(f'{option} {text} is no whole number {span}')
+
+    return read
 
 
 def add_data_arguments(parser: argparse.ArgumentParser, *, validate: bool = False) -> None:
@@ -25,10 +71,15 @@ def add_data_arguments(parser: argparse.ArgumentParser, *, validate: bool = Fals
             '--validate', nargs='+', action='extend', default=[], type=Path, metavar='DATA',
             help='recordings to judge on; default: the last part of each DATA is held back',
         )  # fmt: skip
-        parser.add_argument(
-            '--hold-back', type=float, default=0.2, metavar='FRACTION',
-            help='part of each DATA that is held back without --validate (default: %(default)s)',
-        )  # fmt: skip
+        add_hold_back(parser, 'part of each DATA that is held back without --validate')
+
+
+def add_hold_back(parser: argparse.ArgumentParser, meaning: str) -> None:
+    """Declare --hold-back."""
+    parser.add_argument(
+        '--hold-back', type=number('--hold-back', 0, 1), default=0.2, metavar='FRACTION',
+        help=f'{meaning} (default: %(default)s)',
+    )  # fmt: skip
 
 
 def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
@@ -74,6 +125,32 @@ def load_data(paths: Sequence[Path], msg_config: str | None) -> 'list[Record]':
         names = ', '.join(map(str, paths))
         raise UserError(f'{names} cannot be used (`motor-sysid check` tells more):\n{problems}')
     return records
+
+
+def load_parts(args: argparse.Namespace) -> 'tuple[list[Record], list[Record]]':
+    """Read what is to be fitted, and what to judge on: --validate, or else the end of the former.
+
+    Raises
+    ------
+    UserError
+        As `load_data`; and if hardly a sample would be left to fit or to judge on.
+    """
+    train = load_data(args.data, args.msg_config)
+    held = load_data(args.validate, args.msg_config)
+    longest = max(len(record) for record in train)
+    kept = round((1 - args.hold_back) * longest)
+    if not held and (kept < FEWEST or longest - kept < 2):
+        raise UserError(
+            f'--hold-back {args.hold_back:g} leaves {kept} samples to fit and {longest - kept} to '
+            f'judge on, of the {longest} of the longest record; {FEWEST} and 2 are the fewest'
+        )
+    return train, held
+
+
+def refuse_two_motors(args: argparse.Namespace) -> None:
+    """Refuse a motor kind beside a model, which names one."""
+    if args.model and args.motor:
+        raise UserError('--model names the motor already; leave --motor out')
 
 
 def load_effect_files(paths: Sequence[Path]) -> None:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
+    add_hold_back,
     load_data,
     load_effect_files,
     progress,
@@ -33,10 +34,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='also fit black-box structures (all, or those named: tf, arx, ...) to the first part '
         'of DATA, and say how much of what any of them explains in the rest the model explains',
     )  # fmt: skip
-    parser.add_argument(
-        '--hold-back', type=float, default=0.2, metavar='FRACTION',
-        help='part of each DATA that --ceiling judges on (default: %(default)s)',
-    )  # fmt: skip
+    add_hold_back(parser, 'part of each DATA that --ceiling judges on')
 
 
 def run(args: argparse.Namespace) -> int:

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, TypedDict
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
-    load_data,
     load_effect_files,
+    load_parts,
+    number,
     progress,
+    refuse_two_motors,
+    whole,
     write_json,
 )
-from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis import Diagnosis, Settings
@@ -52,10 +54,11 @@ def add_question_arguments(parser: argparse.ArgumentParser) -> None:
         help='try only these; default: the catalogue',
     )
     parser.add_argument(
-        '--max-effects', type=int, default=4, metavar='N', help='most to add (default: 4)'
-    )
+        '--max-effects', type=whole('--max-effects', 0), default=4, metavar='N',
+        help='most to add (default: 4)',
+    )  # fmt: skip
     parser.add_argument(
-        '--alpha', type=float, default=0.01, metavar='RATE',
+        '--alpha', type=number('--alpha', 0, 1), default=0.01, metavar='RATE',
         help='false-alarm rate of evidence, if `motor-sysid calibrate` has told what that takes '
         '(default: %(default)g)',
     )  # fmt: skip
@@ -75,8 +78,7 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
     from motor_sysid.physics.datasheet import load_datasheet
     from motor_sysid.physics.store import load_model
 
-    if not 0.0 < args.alpha < 1.0:
-        raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
+    refuse_two_motors(args)
     load_effect_files(args.effect_file)
     sheet = load_datasheet(args.nominal) if args.nominal else None
     asked: Asked = {
@@ -91,8 +93,7 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
             calibrations=tuple(load_calibrations(complain=_complain)),
         ),
     }
-    train = load_data(args.data, args.msg_config)
-    return train, load_data(args.validate, args.msg_config), asked
+    return *load_parts(args), asked
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

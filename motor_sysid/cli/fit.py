@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
-    load_data,
     load_effect_files,
+    load_parts,
+    refuse_two_motors,
     write_json,
 )
 from motor_sysid.errors import UserError
@@ -56,9 +57,9 @@ def run(args: argparse.Namespace) -> int:
     """Fit, print parameters and errors, write what was asked for."""
     from motor_sysid.physics.store import save_model
 
+    refuse_two_motors(args)
     load_effect_files(args.effect_file)
-    train = load_data(args.data, args.msg_config)
-    held = load_data(args.validate, args.msg_config)
+    train, held = load_parts(args)
     if args.prior:
         rung, found = _transferred(args, train, held)
     else:
@@ -87,8 +88,6 @@ def _fitted(
 
     if args.spread:
         raise UserError('--spread says how far sisters differ; name one of them with --prior')
-    if args.model and args.motor:
-        raise UserError('--model names the motor already; leave --motor out')
     sheet = load_datasheet(args.nominal) if args.nominal else None
     return fit_model(
         train,

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
-    load_data,
     load_effect_files,
+    load_parts,
     progress,
+    refuse_two_motors,
     write_json,
 )
-from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.learn import Learned
@@ -48,12 +48,12 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.physics.store import load_model, save_model
 
     load_effect_files(args.effect_file)
-    if args.model and args.motor:
-        raise UserError('--model names the motor already; leave --motor out')
+    refuse_two_motors(args)
+    train, held = load_parts(args)
     sheet = load_datasheet(args.nominal) if args.nominal else None
     found = learn(
-        load_data(args.data, args.msg_config),
-        load_data(args.validate, args.msg_config),
+        train,
+        held,
         motor=args.motor or (sheet.motor if sheet else None),
         model=load_model(args.model) if args.model else None,
         nominal=sheet.nominal if sheet else None,

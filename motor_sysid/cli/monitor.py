@@ -9,9 +9,9 @@ from motor_sysid.cli.common import (
     add_reading_arguments,
     load_data,
     load_effect_files,
+    number,
     write_json,
 )
-from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.condition import Condition
@@ -29,11 +29,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
     add_reading_arguments(parser)
     parser.add_argument(
-        '--alpha', type=float, default=0.01, metavar='RATE',
+        '--alpha', type=number('--alpha', 0, 1), default=0.01, metavar='RATE',
         help='chance of any false alarm in all DATA together (default: %(default)g)',
     )  # fmt: skip
     parser.add_argument(
-        '--scatter', type=float, default=0.02, metavar='SHARE',
+        '--scatter', type=number('--scatter', 0, 1, closed=True), default=0.02, metavar='SHARE',
         help='relative standard deviation by which parameters of a good motor differ from day to '
         'day (default: %(default)g)',
     )  # fmt: skip
@@ -45,10 +45,6 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.diagnosis.condition import conditions
     from motor_sysid.physics.store import load_model
 
-    if not 0.0 < args.alpha < 1.0:
-        raise UserError(f'--alpha {args.alpha:g} is no rate; give one between 0 and 1')
-    if not 0.0 <= args.scatter < 1.0:
-        raise UserError(f'--scatter {args.scatter:g} is no share; give 0.02 for 2 %')
     load_effect_files(args.effect_file)
     reference = load_model(args.model)
     days = [load_data([path], args.msg_config) for path in args.data]
