@@ -8,6 +8,9 @@ from motor_sysid.estimation.batch import refit
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import load_model
 from motor_sysid.recording import load
+from motor_sysid.recording.save import write_record
+from motor_sysid.signals import Record
+from motor_sysid.signals.channels import BY_NAME
 
 SHORT = ['--duration', '3', '--profile', 'reversals']
 MOTOR = ['--set', 'R=1.2', 'L=1.5e-3', 'k_t=0.055', 'J=8e-5', 'b=3e-5']
@@ -78,6 +81,66 @@ def test_three_phase_motors_come_with_their_drive(tmp_path, motor):
     assert np.max(np.abs(record['current_command'])) <= 0.4 * 24 / 2 + 1e-9
 
 
+@pytest.mark.parametrize(
+    ('motor', 'values', 'signal'),
+    [
+        ('pmsm_q', ['R=1'], 'current_q'),
+        ('pmsm', ['L_d=4e-3', 'L_q=5e-3', 'psi_f=8.3e-3', 'pole_pairs=4'], 'current_d'),
+        ('bldc', ['L=5e-3', 'k_e=25e-3', 'pole_pairs=4'], 'current_b'),
+    ],
+)
+def test_sensors_show_every_current(tmp_path, motor, values, signal):
+    drive, ideal, real = (tmp_path / f'{name}.csv' for name in ('drive', 'ideal', 'real'))
+    time = np.arange(500) / 1000
+    model = Model.base(motor, {})
+    inputs = {name: 2 * np.sin(9 * time + k) for k, name in enumerate(model.kind.inputs[0])}
+    signals = {**inputs, 'speed': np.sin(time)}
+    units = {name: BY_NAME[name].units[0] for name in signals}
+    write_record(Record(time, signals, units), drive)
+    follow = ['--motor', motor, '--set', *values, '--input', str(drive)]
+    assert main(['simulate', *follow, '--ideal', '-o', str(ideal)]) == 0
+    assert main(['simulate', *follow, '--current-noise', '0.1', '-o', str(real)]) == 0
+    records = one(ideal), one(real)
+    assert set(records[0]) == set(records[1])
+    assert np.std(records[1][signal] - records[0][signal]) == pytest.approx(0.1, rel=0.2)
+
+
+@pytest.mark.parametrize('motor', ['pmsm_q', 'bldc'])
+def test_a_bag_of_three_phases_is_one_that_can_be_used(tmp_path, capsys, motor):
+    """It holds what the model has, and no zeros of axes that it lacks."""
+    bag, first = tmp_path / 'bag', tmp_path / 'first.csv'
+    drive = ['--open-loop', '3', *SHORT]
+    if motor == 'bldc':
+        assert main(['simulate', '--motor', 'bldc', *SHORT, '-o', str(first)]) == 0
+        drive = ['--input', str(first)]
+    assert main(['simulate', '--motor', motor, *drive, '--ideal', '-o', str(bag)]) == 0
+    written = capsys.readouterr().out
+    record = one(bag)
+    assert all(f'{name} [' in written for name in record)
+    assert ('current_d' in record, 'current_c' in record) == (False, False)
+    assert main(['check', str(bag)]) == 0
+
+
+def test_an_input_is_followed_at_its_own_rate_and_read_as_a_msg_config_says(tmp_path):
+    data, config, out = tmp_path / 'a.csv', tmp_path / 'a.yaml', tmp_path / 'out.csv'
+    rows = [f'{k / 500},{k // 100 % 2},{np.sin(k / 30)}' for k in range(400)]
+    data.write_text('\n'.join(['t,u,v', *rows]))
+    config.write_text('time: t\nsignals: {voltage: {column: u, scale: 3}, speed: {column: v}}\n')
+    follow = ['--input', str(data), '--msg-config', str(config), '--ideal', '-o', str(out)]
+    assert main(['simulate', *follow]) == 0
+    assert set(one(out)['voltage']) == {0.0, 3.0}
+    assert one(out).dt == pytest.approx(0.002)
+
+
+def test_an_input_in_several_stretches_is_refused(tmp_path, capsys):
+    data, out = tmp_path / 'gap.csv', tmp_path / 'out.csv'
+    rows = [f'{k / 500 + 5 * (k > 200)},{k // 100 % 2},{np.sin(k / 30)}' for k in range(400)]
+    data.write_text('\n'.join(['time [s],voltage [V],speed [rad/s]', *rows]))
+    assert main(['simulate', '--input', str(data), '-o', str(out)]) == 2
+    assert 'consists of 2 stretches (the longest begins at 0 s' in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_same_seed_same_file(tmp_path):
     for name, seed in (('a', '1'), ('b', '1'), ('c', '2')):
         out = str(tmp_path / f'{name}.csv')
@@ -95,8 +158,22 @@ def test_same_seed_same_file(tmp_path):
         (['--set', 'R=-1'], 'outside its range'),
         (['--set', 'R'], 'not `effect.parameter=number`'),
         (['--profile', 'loop'], 'no profile `loop`'),
-        (['--duration', '0'], 'not positive'),
-        (['--rate', 'nan'], 'not positive'),
+        (['--duration', '0'], '--duration 0 is no number above 0'),
+        (['--rate', 'nan'], '--rate nan is no number above 0'),
+        (['--seed', '-1'], '--seed -1 is no whole number from 0 on'),
+        (['--seed', '0.5'], '--seed 0.5 is no whole number from 0 on'),
+        (['--counts', '-4'], '--counts -4 is no whole number from 0 on'),
+        (['--current-bits', '2000'], '--current-bits 2000 is no whole number from 0 to 32'),
+        (['--current-noise', '-0.1'], '--current-noise -0.1 is no number from 0 on'),
+        (['--input', 'a.csv', '--rate', '500'], '--rate does nothing beside --input'),
+        (['--input', 'a.csv', '--profile', 'steps'], '--profile does nothing beside --input'),
+        (['--input', 'a.csv', '--duration', '20'], '--duration does nothing beside --input'),
+        (['--input', 'a.csv', '--open-loop', '0'], '--open-loop does nothing beside --input'),
+        (['m.yaml', '--motor', 'pmsm'], '--motor does nothing beside a MODEL'),
+        (['m.yaml', '--linear'], '--linear does nothing beside a MODEL'),
+        (['--profile', 'next.yaml', '--duration', '3'], '--duration does nothing beside --prof'),
+        (['--open-loop', '3', '--top-speed', '9'], '--top-speed does nothing beside --open-loop'),
+        (['--msg-config', 'odrive'], '--msg-config says how to read the DATA of --input'),
         (['--motor', 'mechanical_axis'], 'give --open-loop'),
         (['missing.yaml'], 'cannot read'),
         (['--input', 'missing.csv'], 'missing.csv'),

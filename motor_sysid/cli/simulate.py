@@ -6,7 +6,13 @@ import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import add_effect_file_argument, load_data, load_effect_files
+from motor_sysid.cli.common import (
+    add_effect_file_argument,
+    load_data,
+    load_effect_files,
+    number,
+    whole,
+)
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -26,6 +32,9 @@ _CROSSOVER = 40.0
 _LARGEST_CURRENT = 0.4
 _LARGEST_TURN = 0.2
 _FILES = ('.yaml', '.yml', '.csv')
+_DEFAULTS: dict[str, object] = {
+    'motor': 'brushed_dc', 'linear': False, 'profile': 'mixed', 'duration': 20.0, 'rate': 1000.0
+}  # fmt: skip
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -34,24 +43,29 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     _add_motion_arguments(parser)
     sensors = parser.add_argument_group('sensors')
     sensors.add_argument(
-        '--counts', type=int, default=4096, metavar='N',
+        '--counts', type=whole('--counts', 0), default=4096, metavar='N',
         help='encoder counts per turn, or per metre of a linear axis; 0: ideal (default: 4096)',
     )  # fmt: skip
     sensors.add_argument(
-        '--current-noise', type=float, default=0.02, metavar='A', help='(default: %(default)s)'
-    )
+        '--current-noise', type=number('--current-noise', 0, closed=True), default=0.02,
+        metavar='A', help='(default: %(default)s)',
+    )  # fmt: skip
     sensors.add_argument(
-        '--current-bits', type=int, default=12, metavar='N',
+        '--current-bits', type=whole('--current-bits', 0, 32), default=12, metavar='N',
         help='bits over -20 A to 20 A; 0: no rounding (default: %(default)s)',
     )  # fmt: skip
     sensors.add_argument('--ideal', action='store_true', help='no noise and no rounding at all')
-    sensors.add_argument('--seed', type=int, default=0, help='of the noise (default: 0)')
+    sensors.add_argument(
+        '--seed', type=whole('--seed', 0), default=0, metavar='N', help='of the noise (default: 0)'
+    )
 
 
 def _add_plant_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('model', nargs='?', type=Path, metavar='MODEL', help='model (YAML)')
-    parser.add_argument('--motor', default='brushed_dc', metavar='KIND', help='without MODEL')
-    parser.add_argument('--linear', action='store_true', help='a linear axis, without MODEL')
+    parser.add_argument('--motor', metavar='KIND', help='without MODEL (default: brushed_dc)')
+    parser.add_argument(
+        '--linear', action='store_true', default=None, help='a linear axis, without MODEL'
+    )
     parser.add_argument(
         '--effect', nargs='+', action='extend', default=[], metavar='EFFECT',
         help='effects to add, of a plausible size unless set',
@@ -72,12 +86,12 @@ def _add_plant_arguments(parser: argparse.ArgumentParser) -> None:
 def _add_motion_arguments(parser: argparse.ArgumentParser) -> None:
     motion = parser.add_argument_group('motion')
     motion.add_argument(
-        '--profile', default='mixed', metavar='NAME',
-        help='speed reference of a controller: mixed, steps, reversals, ramps, sweep, or a file '
-        'that `suggest` wrote, whose signal then drives the controller or the motor',
+        '--profile', metavar='NAME',
+        help='speed reference of a controller: mixed (default), steps, reversals, ramps, sweep, '
+        'or a file that `suggest` wrote, whose signal then drives the controller or the motor',
     )  # fmt: skip
     motion.add_argument(
-        '--top-speed', type=float, metavar='SPEED',
+        '--top-speed', type=number('--top-speed', 0), metavar='SPEED',
         help='rad/s; default: 60 %% of what the supply allows',
     )  # fmt: skip
     motion.add_argument(
@@ -87,9 +101,16 @@ def _add_motion_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         '--input', type=Path, metavar='DATA', help='drive with the recorded input of DATA instead'
     )
-    motion.add_argument('--supply', type=float, default=24.0, metavar='V', help='(default: 24)')
-    motion.add_argument('--duration', type=float, default=20.0, metavar='S', help='(default: 20)')
-    motion.add_argument('--rate', type=float, default=1000.0, metavar='HZ', help='(default: 1000)')
+    motion.add_argument(
+        '--msg-config', metavar='FILE', help='which topic or column of DATA carries which signal'
+    )
+    motion.add_argument(
+        '--supply', type=number('--supply', 0), default=24.0, metavar='V', help='(default: 24)'
+    )
+    motion.add_argument(
+        '--duration', type=number('--duration', 0), metavar='S', help='(default: 20)'
+    )
+    motion.add_argument('--rate', type=number('--rate', 0), metavar='HZ', help='(default: 1000)')
 
 
 def run(args: argparse.Namespace) -> int:
@@ -97,12 +118,14 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.physics.store import save_model
     from motor_sysid.recording.save import write_record
 
-    for name in ('supply', 'duration', 'rate'):
-        if not (math.isfinite(getattr(args, name)) and getattr(args, name) > 0):
-            raise UserError(f'--{name} {getattr(args, name):g} is not positive')
+    _refuse_idle(args)
+    for name, value in _DEFAULTS.items():
+        if getattr(args, name) is None:
+            setattr(args, name, value)
     load_effect_files(args.effect_file)
-    model = _model(args)
-    record = _record(model, args)
+    driven = _recorded(args)
+    model = _model(args, driven.dt if driven else 1 / args.rate)
+    record = _follow(model, driven, args) if driven else _record(model, args)
     write_record(record, args.out, storage=args.storage)
     if args.save_model:
         save_model(model, args.save_model)
@@ -112,7 +135,40 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _model(args: argparse.Namespace) -> 'Model':
+def _refuse_idle(args: argparse.Namespace) -> None:
+    """Refuse options that would do nothing beside another one."""
+    file = args.profile is not None and Path(args.profile).suffix in _FILES
+    idle = (
+        (args.model, 'a MODEL', ('motor', 'linear')),
+        (args.input, '--input', ('profile', 'top_speed', 'open_loop', 'duration', 'rate')),
+        (file, f'--profile {args.profile}', ('top_speed', 'open_loop', 'duration')),
+        (args.open_loop is not None, '--open-loop', ('top_speed',)),
+    )
+    for given, name, others in idle:
+        useless = [other for other in others if getattr(args, other) is not None]
+        if given and useless:
+            option = useless[0].replace('_', '-')
+            raise UserError(f'--{option} does nothing beside {name}; leave one of them out')
+    if args.msg_config and not args.input:
+        raise UserError('--msg-config says how to read the DATA of --input; give that, too')
+
+
+def _recorded(args: argparse.Namespace) -> 'Record | None':
+    """Return what was recorded of the input, evenly sampled, if it is to be followed."""
+    if not args.input:
+        return None
+    records = load_data([args.input], args.msg_config)
+    if len(records) > 1:
+        longest = max(records, key=len)
+        raise UserError(
+            f'{args.input} consists of {len(records)} stretches (the longest begins at '
+            f'{longest.time[0]:.6g} s and lasts {longest.duration:.3g} s); give one of them '
+            'alone, or allow longer gaps with `max_gap` in a msg_config file'
+        )
+    return records[0].uniform()
+
+
+def _model(args: argparse.Namespace, dt: float) -> 'Model':
     from motor_sysid.nodes.hidden import parse_assignments, scales_of_drive, with_hidden
     from motor_sysid.physics.model import Model
     from motor_sysid.physics.store import load_model
@@ -124,7 +180,7 @@ def _model(args: argparse.Namespace) -> 'Model':
     else:
         model = Model.base(args.motor, own, linear=args.linear)
     rest = {name: value for name, value in given.items() if '.' in name}
-    scales = scales_of_drive(model, args.supply, 1 / args.rate)
+    scales = scales_of_drive(model, args.supply, dt)
     return with_hidden(model, args.effect, rest, scales)
 
 
@@ -134,8 +190,6 @@ def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
     from motor_sysid.control.profile import SPEED
     from motor_sysid.control.tuning import speed_pi
 
-    if args.input:
-        return _follow(model, load_data([args.input], None)[0], args)
     dt = 1 / args.rate
     profile, sense = _profile(model, args), _sensors(model, args, dt)
     wanted = profile.sampled(dt)
@@ -209,16 +263,14 @@ def _follow(model: 'Model', record: 'Record', args: argparse.Namespace) -> 'Reco
     from motor_sysid.control.experiment import run_open
     from motor_sysid.physics.drive import input_signals
 
-    even = record.uniform()
-    names = input_signals(even, model.kind)
-    inputs = {name: even[name] for name in names}
-    return run_open(model, inputs, even.dt, _sensors(model, args, even.dt))
+    inputs = {name: record[name] for name in input_signals(record, model.kind)}
+    return run_open(model, inputs, record.dt, _sensors(model, args, record.dt))
 
 
 def _sensors(
     model: 'Model', args: argparse.Namespace, dt: float
 ) -> Callable[[Mapping[str, float]], Mapping[str, float]]:
-    """Return the sensors: encoder counts and their difference, and a noisy, rounded current."""
+    """Return the sensors: encoder counts and their difference, and noisy, rounded currents."""
     from motor_sysid.nodes.sensors import DriveSensors
 
     if args.ideal:
@@ -226,10 +278,13 @@ def _sensors(
     drive = DriveSensors(_sensor_settings(model, args), dt)
 
     def sense(outputs: Mapping[str, float]) -> dict[str, float]:
-        position = outputs['position']
-        current, speed, counted = drive.read(outputs.get('current', 0.0), position)
-        shown = {'current': current, 'speed': speed, 'position': counted}
-        return {name: shown[name] for name in outputs}
+        shown = dict(outputs)
+        if 'position' in outputs:
+            shown['speed'], shown['position'] = drive.encoder(outputs['position'])
+        for name in outputs:
+            if name.startswith('current'):
+                shown[name] = drive.current(outputs[name])
+        return shown
 
     return sense
 
