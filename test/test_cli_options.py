@@ -1,4 +1,4 @@
-"""Options that make no sense, alone or beside others, are refused in words before any work."""
+"""Options that make no sense, alone or beside others, and files that are not there, in words."""
 
 from pathlib import Path
 
@@ -73,6 +73,32 @@ def test_no_effects_at_all_may_be_added(data: Path, capsys: pytest.CaptureFixtur
 def test_a_model_names_its_motor(verb: str, capsys: pytest.CaptureFixture[str]) -> None:
     error = refused(capsys, verb, 'none.csv', '--model', 'm.yaml', '--motor', 'pmsm')
     assert '--model names the motor already; leave --motor out' in error
+
+
+@pytest.mark.parametrize('name', ['nosuch.mcap', 'nosuch'])
+def test_a_bag_that_is_not_there(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert f'{name} does not exist' in refused(capsys, 'replay', name)
+
+
+@pytest.mark.parametrize('option', ['--csv', '--json'])
+def test_what_a_replay_cannot_write(
+    option: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    bag, model, file = tmp_path / 'bag', tmp_path / 'm.yaml', tmp_path / 'none' / 'file'
+    motion = ['--duration', '3', '--profile', 'reversals', '--save-model', str(model)]
+    assert main(['simulate', *motion, '-o', str(bag)]) == 0
+    capsys.readouterr()
+    error = refused(capsys, 'replay', bag, '--model', model, option, file)
+    assert f'cannot write {file}: No such file' in error
+    file.parent.mkdir()
+    assert main(['replay', str(bag), '--model', str(model), option, str(file)]) == 0
+    assert file.read_text()
+
+
+def test_folders_that_are_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / 'file'
+    file.touch()
+    assert f'cannot write {file}: File exists' in refused(capsys, 'demo', '--out', file)
 
 
 @pytest.mark.parametrize(

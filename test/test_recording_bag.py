@@ -159,6 +159,18 @@ def test_split_bag_with_one_file_gone(tmp_path: Path) -> None:
     assert any('bag_3.db3' in finding.message for finding in loaded.findings)
 
 
+def test_a_file_that_cannot_be_read_costs_no_other(tmp_path: Path) -> None:
+    bag = tmp_path / 'bag'
+    write_record(motor_record(100), bag, storage='mcap')
+    (bag / 'metadata.yaml').unlink()
+    (bag / 'more.mcap').mkdir()
+    loaded = load(bag)
+    assert len(loaded.records[0]) == 100
+    assert 'damaged_bag' in codes(loaded)
+    with pytest.raises(UserError, match='does not exist; a bag is a folder'):
+        Bag(tmp_path / 'none.mcap')
+
+
 @pytest.mark.parametrize(
     ('name', 'content', 'message'),
     [

@@ -6,7 +6,7 @@ from pathlib import Path
 import tempfile
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_page
+from motor_sysid.cli.common import write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -180,5 +180,5 @@ def _show(results: 'list[Result]', facts: dict[str, str], args: argparse.Namespa
         if not table.wide:
             print_table(table)
     if args.page:
-        write_page(page(results, facts), args.page)
+        write_text(page(results, facts), args.page, 'page')
     write_json({**as_dict(results), **facts}, args.json)

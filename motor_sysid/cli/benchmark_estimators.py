@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_page
+from motor_sysid.cli.common import write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     for one in PERTURBATIONS:
         print(f'{one.code}: {one.title}')
     if args.page:
-        write_page(page(scores), args.page)
+        write_text(page(scores), args.page, 'page')
     write_json(as_dict(scores), args.json)
     return 0
 

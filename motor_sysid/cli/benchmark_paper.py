@@ -5,7 +5,7 @@ from pathlib import Path
 import tempfile
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_page
+from motor_sysid.cli.common import write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def run(args: argparse.Namespace) -> int:
         if not table.wide:
             print_table(table)
     if args.page:
-        write_page(page(results), args.page)
+        write_text(page(results), args.page, 'page')
     write_json(as_dict(results), args.json)
     return 0
 

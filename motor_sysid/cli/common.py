@@ -1,7 +1,8 @@
 """What the verbs share: data arguments, loading, progress and JSON output."""
 
 import argparse
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 import json
 import math
 from pathlib import Path
@@ -170,33 +171,29 @@ def progress() -> Callable[[str], None]:
     return tell
 
 
-def write_json(document: object, path: Path | None) -> None:
-    """Write a result as JSON, if a file was asked for.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
-    if path is None:
-        return
+@contextmanager
+def writing(path: Path) -> Iterator[None]:
+    """Say in words that a file or folder cannot be written."""
     try:
-        path.write_text(json.dumps(document, indent=1) + '\n', encoding='utf-8')
+        yield
     except OSError as problem:
         raise UserError(f'cannot write {path}: {problem.strerror}') from problem
-    print(f'result: {path}')
 
 
-def write_page(text: str, path: Path) -> None:
-    """Write a page of HTML.
+def write_text(text: str, path: Path, what: str) -> None:
+    """Write a file, and say `what` lies where.
 
     Raises
     ------
     UserError
         If the file cannot be written.
     """
-    try:
+    with writing(path):
         path.write_text(text, encoding='utf-8')
-    except OSError as problem:
-        raise UserError(f'cannot write {path}: {problem.strerror}') from problem
-    print(f'page: {path}')
+    print(f'{what}: {path}')
+
+
+def write_json(document: object, path: Path | None) -> None:
+    """Write a result as JSON, if a file was asked for; see `write_text`."""
+    if path is not None:
+        write_text(json.dumps(document, indent=1) + '\n', path, 'result')

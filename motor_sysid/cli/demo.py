@@ -10,6 +10,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+from motor_sysid.cli.common import writing
 from motor_sysid.cli.compiling import compile_nodes
 from motor_sysid.cli.demo_motors import DemoMotor, MOTORS
 from motor_sysid.cli.demo_result import Demo, finish
@@ -58,7 +59,8 @@ def run(args: argparse.Namespace) -> int:
     out = args.out or Path(f'demo_{datetime.now().astimezone():%Y%m%d_%H%M%S}')
     if (out / 'bag').exists():
         raise UserError(f'{out} holds a bag already; give another folder with --out')
-    out.mkdir(parents=True, exist_ok=True)
+    with writing(out):
+        out.mkdir(parents=True, exist_ok=True)
     nominal = motor.model()
     save_model(nominal, out / 'datasheet_model.yaml')
     print(f'Hidden in the motor: {", ".join(motor.hidden)}. The rest of the system is not told.')

@@ -18,6 +18,7 @@ from motor_sysid.cli.common import (
     refuse_two_motors,
     whole,
     write_json,
+    writing,
 )
 
 if TYPE_CHECKING:
@@ -122,7 +123,8 @@ def run(args: argparse.Namespace) -> int:
     if args.report:
         from motor_sysid.workbench.report import write_report
 
-        print(f'report: {write_report(found, args.report)}')
+        with writing(args.report):
+            print(f'report: {write_report(found, args.report)}')
     return 0
 
 

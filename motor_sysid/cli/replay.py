@@ -2,11 +2,11 @@
 
 import argparse
 from collections.abc import Mapping
-import json
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from motor_sysid.cli.common import write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ def run(args: argparse.Namespace) -> int:
     _print(result)
     if args.csv:
         _write_csv(result, args.csv)
-    if args.json:
-        args.json.write_text(json.dumps(_as_json(result), indent=2) + '\n', encoding='utf8')
+    write_json(_as_json(result), args.json)
     return _verdict(result) if args.check else 0
 
 
@@ -139,4 +138,4 @@ def _write_csv(result: 'Replay', path: Path) -> None:
         for value, sigma, _, _ in (event.estimate or {}).values():
             row += [repr(float(value)), repr(float(sigma))]
         lines.append(','.join(row))
-    path.write_text('\n'.join(lines) + '\n', encoding='utf8')
+    write_text('\n'.join(lines) + '\n', path, 'estimates')

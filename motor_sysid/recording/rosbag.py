@@ -48,6 +48,8 @@ class Bag:
         self.path = Path(path)
         self.findings: list[Finding] = []
         self._unpacked: tempfile.TemporaryDirectory[str] | None = None
+        if not self.path.exists():
+            raise UserError(f'{path} does not exist; a bag is a folder, an .mcap or a .db3')
         information = self._metadata() if self.path.is_dir() else {}
         self.custom_data = _texts(information.get('custom_data'))
         self._compressed_messages = _text(information, 'compression_mode').lower() == 'message'
@@ -141,10 +143,10 @@ class Bag:
             self._files.append(STORAGES[file.suffix](file))
         except KeyError:
             raise UserError(f'{file} is neither .mcap nor .db3') from None
-        except (UserError, struct.error, ValueError, IndexError) as error:
+        except (UserError, OSError, struct.error, ValueError, IndexError) as error:
             if not self.path.is_dir():
                 raise error if isinstance(error, UserError) else UserError(
-                    f'{file} is damaged beyond reading ({error}); copy it again from its source'
+                    f'{file} cannot be read ({error}); copy it again from its source'
                 ) from None
             self.findings.append(_unreadable(error))
 
