@@ -72,6 +72,25 @@ def test_lengths_that_differ_are_told(tmp_path):
         load(path)
 
 
+def test_a_column_that_names_segments_is_as_long_as_the_others(tmp_path):
+    path = tmp_path / 'run.npz'
+    np.savez(path, t=TIME, u=VOLTAGE, y=VOLTAGE, test=np.repeat([1, 2], 500), part=TIME > 1)
+    signals = {'voltage': {'column': 'u'}, 'speed': {'column': 'y'}}
+    config = {'time': 't', 'segment_by': 'part', 'signals': signals}
+    assert len(load(path, parse_msg_config(config)).records) == 2
+    with pytest.raises(UserError, match='column `test` has 1000 values, the others 2000'):
+        load(path, parse_msg_config({**config, 'segment_by': 'test'}))
+
+
+def test_numbers_are_no_dates(tmp_path):
+    path = tmp_path / 'run.npz'
+    np.savez(path, t=TIME, y=VOLTAGE)
+    time = {'column': 't', 'unit': 'iso8601'}
+    config = {'time': time, 'signals': {'speed': {'column': 'y'}}}
+    with pytest.raises(UserError, match='column `t` holds numbers, no dates; give the unit'):
+        load(path, parse_msg_config(config))
+
+
 def test_a_missing_column_is_named(tmp_path):
     path = tmp_path / 'run.npz'
     np.savez(path, u=VOLTAGE, y=VOLTAGE)
