@@ -142,9 +142,7 @@ def with_types(sources: Sequence[Source], types: Mapping[str, str]) -> tuple[Sou
     )
 
 
-def _choose(
-    signal: str, sources: Sequence[Source], frame: str, chosen: dict[str, Source]
-) -> bool:
+def _choose(signal: str, sources: Sequence[Source], frame: str, chosen: dict[str, Source]) -> bool:
     """Choose a source for one signal, and before it those that it is computed from."""
     if signal in chosen:
         return True
