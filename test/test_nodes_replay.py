@@ -5,6 +5,9 @@ import math
 from pathlib import Path
 
 import pytest
+
+pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
+
 from test_nodes_pipeline import JOINT, joint, VECTOR, vector
 
 from motor_sysid.cli import main
