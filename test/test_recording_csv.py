@@ -107,6 +107,28 @@ def test_dialects(tmp_path: Path, text: str) -> None:
     assert record['speed'].tolist() == [2.0, 3.0]
 
 
+@pytest.mark.parametrize(
+    'head',
+    [
+        '# time [s],voltage [V]\n', 'sep=,\ntime [s],voltage [V]\n',
+        '"sep=,"\n# a motor\n#time [s],voltage [V]\n\n', '# 3,4\ntime [s],voltage [V]\n',
+    ],
+)  # fmt: skip
+def test_headers_as_numpy_and_spreadsheets_have_them(tmp_path: Path, head: str) -> None:
+    path = tmp_path / 'drive.csv'
+    path.write_text(head + ''.join(f'{0.01 * k},{k}\n' for k in range(50)))
+    (record,) = load(path).records
+    assert len(record) == 50
+    assert record['voltage'][-1] == 49.0
+
+
+def test_numbers_under_a_comment_that_is_no_header_still_lack_one(tmp_path: Path) -> None:
+    path = tmp_path / 'drive.csv'
+    path.write_text('# written by hand, on 12 May, in Graz\n0.0,1\n0.1,2\n')
+    with pytest.raises(UserError, match='has no header line'):
+        load(path)
+
+
 def test_columns_that_are_not_read_are_named(tmp_path: Path) -> None:
     path = table(tmp_path / 'a.csv', HEADER + ',error_code', [row + ',E7' for row in ramp()])
     (finding,) = load(path).findings

@@ -14,6 +14,8 @@ TOLERATED = 0.01
 """Share of bad rows up to which they are left out instead of refused."""
 LONGEST = csv.field_size_limit()
 DELIMITERS = ',;\t|'
+SEPARATOR = re.compile('"?sep=.?"?')
+"""A first line by which spreadsheets are told the delimiter."""
 BYTE_ORDER = {b'\xff\xfe', b'\xfe\xff'}
 OPEN = 'has a quote that is not closed', 'mend the quotes, which may not reach over several lines'
 SURPLUS = (
@@ -51,6 +53,8 @@ class Lines:
 def read_lines(path: Path, findings: list[Finding]) -> Lines:
     """Read a CSV or CSV.GZ file; what is damaged in it is added to `findings`.
 
+    A header may stand in the last comment before the numbers, as `numpy.savetxt` writes it.
+
     Raises
     ------
     UserError
@@ -61,9 +65,15 @@ def read_lines(path: Path, findings: list[Finding]) -> Lines:
     filled = [k for k, line in enumerate(lines) if (begin := line.lstrip()) and begin[0] != '#']
     if not filled:
         raise UserError(f'{path} is empty; it needs a header line such as `time [s],voltage [V]`')
-    header, *kept = filled
-    delimiter = max(DELIMITERS, key=re.sub('"[^"]*"', '', lines[header]).count)
-    names = tuple(name.strip() for name in cells_of(lines[header], delimiter) or [lines[header]])
+    if SEPARATOR.fullmatch(lines[filled[0]].strip()) and len(filled) > 1:
+        del filled[0]
+    top = lines[filled[0]]
+    delimiter = max(DELIMITERS, key=re.sub('"[^"]*"', '', top).count)
+    names, kept = _names(top, delimiter), filled[1:]
+    above = next((line for line in reversed(lines[: filled[0]]) if line.strip()), '')
+    title = _names(above.lstrip().lstrip('#'), delimiter)
+    if len(title) == len(names) and _are_numbers(names) and not _are_numbers(title):
+        names, kept = title, filled
     if not kept:
         raise UserError(f'{path} has a header ({", ".join(names)}) but no rows')
     rows = [lines[k] for k in kept]
@@ -72,6 +82,17 @@ def read_lines(path: Path, findings: list[Finding]) -> Lines:
     marks = ''.join(mark for mark in '"#' if mark in text)
     found = Lines(names, delimiter, rows, [k + 1 for k in kept], marks)
     return _without_broken(path, _without_unfinished(found, findings), findings)
+
+
+def _names(line: str, delimiter: str) -> tuple[str, ...]:
+    return tuple(name.strip() for name in cells_of(line, delimiter) or [line])
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    try:
+        return [float(cell.replace(',', '.')) for cell in cells] != []
+    except ValueError:
+        return False
 
 
 def cells_of(line: str, delimiter: str) -> list[str] | None:
