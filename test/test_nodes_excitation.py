@@ -12,6 +12,7 @@ from motor_sysid.errors import UserError
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
 import rclpy
 from rclpy.context import Context
@@ -207,6 +208,24 @@ def test_a_current_goes_to_the_drives_that_follow_one(
 def test_a_signal_that_no_topic_carries_is_refused(make: Callable[..., ExcitationNode]) -> None:
     with pytest.raises(UserError, match=r'a torque in N m, which no topic .* voltage, current'):
         make(TORQUE)
+
+
+def test_a_profile_that_nobody_hears_is_said(
+    make: Callable[..., ExcitationNode], other: Node
+) -> None:
+    told = RawTopic(other, '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray')
+    node, lines = make(LONG), list[str]()
+
+    def said(words: str) -> bool:
+        arrays = (deserialize_message(m.data, DiagnosticArray) for m in told.drain())
+        lines.extend(status.message for array in arrays for status in array.status)
+        return any(words in line for line in lines)
+
+    turn(lambda: node._begin() == '', node)
+    turn(lambda: said('nobody listens to /motor/voltage_command'), node)
+    lines.clear()
+    heard = Heard(other, 'motor/voltage_command')
+    turn(lambda: heard.matched and said(State.RUNNING.value), node)
 
 
 def test_silence_of_a_watched_topic_ends_it(make: Callable[..., ExcitationNode]) -> None:

@@ -248,8 +248,10 @@ class ExcitationNode(LoopNode):
             'elapsed_s': self._elapsed,
             'duration_s': self.profile.duration,
         }
-        text = self.reason or self.state.value
-        status = Status('excitation', values, text, warn=self.state is State.STOPPED)
+        text, warn = self.reason or self.state.value, self.state is State.STOPPED
+        if self.state is State.RUNNING and not self.count_subscribers(self._topic):
+            text, warn = f'nobody listens to {self._topic}', True
+        status = Status('excitation', values, text, warn=warn)
         self._diagnostics.publish(self._grid.now(), [status])
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
