@@ -9,8 +9,15 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
+from motor_sysid.diagnosis.lending import (
+    better_with_half_lent,
+    DROWNED,
+    drowned,
+    shows_only_there,
+)
 from motor_sysid.diagnosis.result.findings import Unknown
+from motor_sysid.diagnosis.result.result import Candidate
+from motor_sysid.diagnosis.search.gates import TOO_LITTLE
 from motor_sysid.estimation.batch.chains import make_chain, PIECE
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record
@@ -96,6 +103,33 @@ def test_what_only_held_out_data_show_is_named_beside_what_all_show(share):
     assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent
 
 
+CLIPPED = {'coulomb_friction': {'tau_c': 6e-3}, 'driver_clipping': {'c': 1 / 6}}
+
+
+@pytest.fixture(scope='module')
+def clipped():
+    """Return records of a motor with friction whose bridge clips over the held-out data only."""
+    return small_and_large(CLIPPED, share=0.5)
+
+
+def test_what_the_training_data_ask_for_is_named_though_held_out_data_drown_it(clipped):
+    train, held = clipped
+    others = ['quadratic_drag', 'cogging_torque', 'input_delay', 'iron_loss']
+    found = diagnose(train, [held], effects=[*CLIPPED, *others])
+    assert set(found.effects) == set(CLIPPED)
+    assert found.lent
+    assert 'do not show all of it' in found.reasons[1]
+    assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent
+
+
+def test_beside_a_stranger_that_drowns_it_nothing_else_is_named(clipped):
+    train, held = clipped
+    others = ['quadratic_drag', 'cogging_torque', 'input_delay', 'iron_loss']
+    found = diagnose(train, [held], effects=['coulomb_friction', *others])
+    assert found.effects in ((), ('coulomb_friction',))
+    assert found.verdict is Verdict.UNKNOWN_EFFECT or found.unknown
+
+
 def test_a_stranger_is_not_named_for_it(saturated):
     """The gates are the same as ever: the true effect taken out of the catalogue stays unknown."""
     train, held = saturated
@@ -115,6 +149,29 @@ def named():
 
 
 LEFT = (Unknown('torque', 'unexplained torque', 'N m', 0.1, 0.01, '', 0.0, '', 0.0, '', ()),)
+
+
+FRICTION = Candidate('coulomb_friction', '', '', '', 1e4, 0.2, 9.0, {}, note=f'{TOO_LITTLE} 0 %')
+
+
+@pytest.mark.parametrize(
+    ('change', 'times'),
+    [
+        ({}, 45.0),
+        ({'note': 'unphysical sign'}, 1.0),
+        ({'note': '', 'passes': True}, 1.0),
+        ({'train_error_percent': 0.6}, 1.0),
+        ({'train_error_percent': 0.0}, 1.0),
+        ({'validation_error_percent': 0.3}, 1.5),
+    ],
+)
+def test_an_effect_is_drowned_that_is_held_back_by_a_far_larger_error(named, change, times):
+    last = replace(
+        named.steps[-1], train_error_percent=1.0, candidates=(replace(FRICTION, **change),)
+    )
+    found = replace(named, unknown=LEFT, steps=(*named.steps[:-1], last))
+    assert shows_only_there(found) is (times > DROWNED)
+    assert drowned(found) == pytest.approx(times)
 
 
 @pytest.mark.parametrize(

@@ -2,15 +2,23 @@
 
 What acts at large currents only, or where a bridge clips, is in the data or is not: a model that
 leaves nothing to learn in the training data and fails over the held-out ones lacks something that
-no fit to the former can find.  Every other piece of the held-out data is then fitted as well, the
-rest judges, and all gates stay as they are.
+no fit to the former can find.  An effect that the training data ask for fails the held-out ones
+as well where something else makes far larger errors there.  Every other piece of the held-out
+data is then fitted, too, the rest judges, and all gates stay as they are.
 """
 
 from dataclasses import replace
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.search.gates import HELD_BACK
 from motor_sysid.diagnosis.where.remainder import ONLY_THERE
 from motor_sysid.estimation.batch.chains import PIECE
+
+MOST_OF_IT = 0.5
+"""Training error that an effect leaves, in units of that without it, if the data ask for it."""
+
+DROWNED = 2.0
+"""Held-out error, in units of the training error, that drowns what such an effect brings."""
 
 
 def shows_only_there(found: Diagnosis) -> bool:
@@ -18,7 +26,25 @@ def shows_only_there(found: Diagnosis) -> bool:
     pairs = zip(found.records, found.roles, strict=True)
     held = sum(len(record) for record, role in pairs if role == 'validate')
     unknown = found.verdict is Verdict.UNKNOWN_EFFECT or found.unknown
-    return bool(unknown) and found.held_alone > ONLY_THERE and held > 2 * PIECE
+    far = found.held_alone > ONLY_THERE or drowned(found) > DROWNED
+    return bool(unknown) and far and held > 2 * PIECE
+
+
+def drowned(found: Diagnosis) -> float:
+    """Return how far an effect is drowned over the held-out data that the training data ask for.
+
+    That is how many times larger the error is there that it leaves; 1 if there is no such effect.
+    """
+    last = found.steps[-1]
+    most = MOST_OF_IT * last.train_error_percent
+    return max(
+        (
+            one.validation_error_percent / one.train_error_percent
+            for one in last.candidates
+            if one.note.startswith(HELD_BACK) and 0.0 < one.train_error_percent < most
+        ),
+        default=1.0,
+    )
 
 
 def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
@@ -30,11 +56,12 @@ def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
     known, named = set(found.effects), set(again.effects)
     if not (known < named or (known == named and named and not again.unknown)):
         return found
-    what = 'all of it' if known else 'it'
+    times = max(found.held_alone, drowned(found))
+    what = 'all of it' if known or times > found.held_alone else 'it'
     said = (
-        f'The training data do not show {what}: what the model leaves is {found.held_alone:.2g} '
-        'times as large over the held-out data. So every other piece of these was fitted as well, '
-        'and held-out errors are those over the rest. To do: train on such data, too'
+        f'The training data do not show {what}: what is left is {times:.2g} times as large over '
+        'the held-out data. So every other piece of these was fitted as well, and held-out errors '
+        'are those over the rest. To do: train on such data, too'
     )
     verdict, *others = again.reasons
     return replace(again, lent=True, reasons=(verdict, said, *others))
