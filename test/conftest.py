@@ -1,6 +1,6 @@
 """What every test shares: a ROS of its own, the real data, a browser."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 import os
 from pathlib import Path
 import shutil
@@ -16,6 +16,10 @@ import pytest  # noqa: E402
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
+    from rclpy.context import Context
+    from rclpy.node import Node
+
+    from motor_sysid.nodes.loop import LoopNode
 
 ROOT = Path(__file__).resolve().parent.parent
 
@@ -82,3 +86,38 @@ def chromium() -> 'Iterator[Browser]':
         browser = driver.chromium.launch(executable_path=found, args=['--no-sandbox'])
         yield browser
         browser.close()
+
+
+@pytest.fixture
+def context() -> 'Iterator[Context]':
+    """Return a ROS of its own."""
+    rclpy = pytest.importorskip('rclpy')
+    own = rclpy.context.Context()
+    rclpy.init(context=own)
+    yield own
+    rclpy.try_shutdown(context=own)
+
+
+@pytest.fixture
+def other(context: 'Context') -> 'Iterator[Node]':
+    """Return a node to speak to others with."""
+    rclpy = pytest.importorskip('rclpy')
+    node = rclpy.create_node('other', context=context)
+    yield node
+    node.destroy_node()
+
+
+@pytest.fixture
+def make_node(context: 'Context') -> 'Iterator[Callable[..., LoopNode]]':
+    """Return what makes nodes, which are let go of even if the test fails."""
+    rclpy = pytest.importorskip('rclpy')
+    made: list[LoopNode] = []
+
+    def build(kind: 'type[LoopNode]', **given: object) -> 'LoopNode':
+        overrides = [rclpy.parameter.Parameter(name, value=v) for name, v in given.items()]
+        made.append(kind(context, overrides))
+        return made[-1]
+
+    yield build
+    for node in made:
+        node.destroy_node()

@@ -42,21 +42,6 @@ LONG = Profile('long', 6.0, 60.0, (Part(1.0, Hold(1.0)),), 'voltage', 'V')
 
 
 @pytest.fixture
-def context() -> Iterator[Context]:
-    own = Context()
-    rclpy.init(context=own)
-    yield own
-    rclpy.try_shutdown(context=own)
-
-
-@pytest.fixture
-def other(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node('other', context=context)
-    yield node
-    node.destroy_node()
-
-
-@pytest.fixture
 def kept(context: Context) -> Iterator[list[LoopNode]]:
     """Nodes that are let go of even if the test fails, so that no later test meets them."""
     nodes: list[LoopNode] = []

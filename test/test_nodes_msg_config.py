@@ -1,16 +1,13 @@
 """A msg_config file live: frames of motor kinds, stamps that are numbers, namespaces."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
-import rclpy
-from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from ros_harness import wait_for
 from std_msgs.msg import Float64MultiArray
 
@@ -30,41 +27,12 @@ signals:
 """
 
 
-@pytest.fixture
-def context() -> Iterator[Context]:
-    own = Context()
-    rclpy.init(context=own)
-    yield own
-    rclpy.try_shutdown(context=own)
-
-
-@pytest.fixture
-def other(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node('other', context=context)
-    yield node
-    node.destroy_node()
-
-
-@pytest.fixture
-def make(context: Context) -> Iterator[Callable[..., LoopNode]]:
-    """Make nodes that are let go of even if the test fails."""
-    made: list[LoopNode] = []
-
-    def build(kind: type[LoopNode], **given: object) -> LoopNode:
-        made.append(kind(context, [Parameter(name, value=v) for name, v in given.items()]))
-        return made[-1]
-
-    yield build
-    for node in made:
-        node.destroy_node()
-
-
 @pytest.mark.parametrize('kind', ['brushed_dc', 'pmsm', 'bldc'])
 def test_the_shipped_default_is_the_default_for_every_motor(
-    make: Callable[..., LoopNode], kind: str
+    make_node: Callable[..., LoopNode], kind: str
 ) -> None:
-    motor = make(MotorNode, motor_kind=kind, rate=200.0)
-    given = make(IdentifierNode, motor=kind, msg_config='default')
+    motor = make_node(MotorNode, motor_kind=kind, rate=200.0)
+    given = make_node(IdentifierNode, motor=kind, msg_config='default')
     plain = IdentifierSettings(motor=kind)
 
     def look() -> bool:
@@ -87,10 +55,10 @@ def drive(tmp_path: Path) -> Path:
 
 
 def test_a_stamp_may_be_a_number_in_a_unit_below_a_namespace(
-    make: Callable[..., LoopNode], other: Node, drive: Path
+    make_node: Callable[..., LoopNode], other: Node, drive: Path
 ) -> None:
     publisher = other.create_publisher(Float64MultiArray, '/arm/drive', 1000)
-    node = make(IdentifierNode, msg_config=str(drive))
+    node = make_node(IdentifierNode, msg_config=str(drive))
     wait_for(lambda: (node.step(), node._topics and node._topics[0].publishers)[1], 'a match')
     assert node._topics[0].resolved == '/arm/drive'
     for k in range(100):
@@ -107,9 +75,9 @@ def test_a_stamp_may_be_a_number_in_a_unit_below_a_namespace(
 
 @pytest.mark.parametrize('stamp', ['header', 'layout', "'nothing[0]'"])
 def test_a_stamp_that_the_type_lacks_is_refused(
-    make: Callable[..., LoopNode], drive: Path, stamp: str
+    make_node: Callable[..., LoopNode], drive: Path, stamp: str
 ) -> None:
     text = ARRAY.replace("stamp: 'data[0]'", f'stamp: {stamp}', 1)
     drive.write_text(text.replace('stamp_unit: ms', 'type: std_msgs/msg/Float64MultiArray'))
     with pytest.raises(UserError, match=r'Float64MultiArray` of topic `/arm/drive` has no stamp'):
-        make(IdentifierNode, msg_config=str(drive))
+        make_node(IdentifierNode, msg_config=str(drive))

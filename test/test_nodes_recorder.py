@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
-import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -27,21 +26,6 @@ from motor_sysid.recording.rosbag import Bag
 
 GOALS = 'nav_msgs/msg/Goals'
 """A type that is younger than the definitions of Jazzy that bags are written with."""
-
-
-@pytest.fixture
-def context() -> Iterator[Context]:
-    own = Context()
-    rclpy.init(context=own)
-    yield own
-    rclpy.try_shutdown(context=own)
-
-
-@pytest.fixture
-def other(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node('other', context=context)
-    yield node
-    node.destroy_node()
 
 
 class Recording:
@@ -92,8 +76,12 @@ def test_what_comes_before_simulated_time_begins_is_received_when_it_does(
     assert all(topic.received == 0 for topic in topics.values()), 'they wait'
     message = Clock()
     message.clock.sec = 30
-    clock.publish(message)
-    recording.turn(lambda: topics['/motor/voltage'].received == 1, 'the time')
+
+    def began() -> bool:
+        clock.publish(message)  # best effort: the node may not have met this publisher yet
+        return topics['/motor/voltage'].received == 1
+
+    recording.turn(began, 'the time')
     volts.publish(0, 2.0, 0.0, 0.0)
     recording.turn(lambda: topics['/motor/voltage'].received == 2, 'the rest')
     bag = recording.finished()

@@ -1,6 +1,6 @@
 """The nodes in this process, over real DDS."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import dataclass, fields
 from itertools import pairwise
@@ -15,7 +15,6 @@ pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import Vector3Stamped
-import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -58,21 +57,6 @@ SETTINGS = {
     'excitation': ExcitationSettings,
 }
 QUIET = {'current_noise': 0.0, 'current_bits': 0, 'encoder_counts': 0, 'current_offset': 0.0}
-
-
-@pytest.fixture
-def context() -> Iterator[Context]:
-    own = Context()
-    rclpy.init(context=own)
-    yield own
-    rclpy.try_shutdown(context=own)
-
-
-@pytest.fixture
-def other(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node('other', context=context)
-    yield node
-    node.destroy_node()
 
 
 def overrides(**values: object) -> list[Parameter]:

@@ -7,7 +7,6 @@ import pytest
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
-import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -18,21 +17,6 @@ from motor_sysid.nodes.publishing import joint_publisher, SECOND, vector_publish
 
 COUNT = 400
 BUDGET = 1e-4
-
-
-@pytest.fixture
-def context() -> Iterator[Context]:
-    own = Context()
-    rclpy.init(context=own)
-    yield own
-    rclpy.try_shutdown(context=own)
-
-
-@pytest.fixture
-def other(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node('other', context=context)
-    yield node
-    node.destroy_node()
 
 
 @pytest.fixture

@@ -1,16 +1,13 @@
 """Time that falls back: what drives begins anew or ends safely, what listens goes on."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import pytest
 
 pytest.importorskip('rclpy', reason='no ROS 2 here; install the extra `ros`')
 
-import rclpy
-from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.parameter import Parameter
 from ros_harness import wait_for
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
@@ -28,35 +25,6 @@ from motor_sysid.recording.field_reader import FieldReader
 
 VECTOR = 'geometry_msgs/msg/Vector3Stamped'
 STEP = SECOND // 100
-
-
-@pytest.fixture
-def context() -> Iterator[Context]:
-    own = Context()
-    rclpy.init(context=own)
-    yield own
-    rclpy.try_shutdown(context=own)
-
-
-@pytest.fixture
-def other(context: Context) -> Iterator[Node]:
-    node = rclpy.create_node('other', context=context)
-    yield node
-    node.destroy_node()
-
-
-@pytest.fixture
-def make(context: Context) -> Iterator[Callable[..., LoopNode]]:
-    """Make nodes that are let go of even if the test fails."""
-    made: list[LoopNode] = []
-
-    def build(kind: type[LoopNode], **given: object) -> LoopNode:
-        made.append(kind(context, [Parameter(name, value=v) for name, v in given.items()]))
-        return made[-1]
-
-    yield build
-    for node in made:
-        node.destroy_node()
 
 
 def send(other: Node, pipeline: Pipeline, node: LoopNode, *starts: int) -> None:
@@ -120,10 +88,10 @@ class SimulatedClock:
 
 
 def test_the_controller_begins_its_profile_anew(
-    make: Callable[..., LoopNode], other: Node
+    make_node: Callable[..., LoopNode], other: Node
 ) -> None:
     profile = Profile('steps', 100.0, 1.0)
-    pid = make(PidNode, profile='steps', profile_duration=1.0, top_speed=100.0, ki=50.0)
+    pid = make_node(PidNode, profile='steps', profile_duration=1.0, top_speed=100.0, ki=50.0)
     reference, command = Heard(other, 'motor/reference'), Heard(other, 'motor/voltage_command')
     speed = joint_publisher(other, 'motor/speed', 'motor', ('position', 'velocity'))
     wait_for(
@@ -144,8 +112,8 @@ def test_the_controller_begins_its_profile_anew(
     assert volts[:59] == volts[59:], 'no memory of the time before'
 
 
-def test_an_experiment_ends_at_zero(make: Callable[..., LoopNode], other: Node) -> None:
-    node = make(ExcitationNode, duration=60.0, rate=100.0, use_sim_time=True)
+def test_an_experiment_ends_at_zero(make_node: Callable[..., LoopNode], other: Node) -> None:
+    node = make_node(ExcitationNode, duration=60.0, rate=100.0, use_sim_time=True)
     heard, clock = Heard(other, 'motor/reference'), SimulatedClock(other, node)
     clock.turn(lambda: heard.matched, 'a match')
     clock.go(500 * SECOND)
@@ -163,9 +131,9 @@ def test_an_experiment_ends_at_zero(make: Callable[..., LoopNode], other: Node) 
 
 
 def test_the_motor_forgets_a_command_of_the_future(
-    make: Callable[..., LoopNode], other: Node
+    make_node: Callable[..., LoopNode], other: Node
 ) -> None:
-    node = make(MotorNode, rate=100.0, use_sim_time=True)
+    node = make_node(MotorNode, rate=100.0, use_sim_time=True)
     voltage, clock = Heard(other, 'motor/voltage'), SimulatedClock(other, node)
     command = vector_publisher(other, 'motor/voltage_command', 'dc')
     clock.turn(lambda: command.publisher.get_subscription_count() and voltage.matched, 'a match')
@@ -180,12 +148,12 @@ def test_the_motor_forgets_a_command_of_the_future(
 
 
 def test_refits_go_on_with_the_new_samples(
-    make: Callable[..., LoopNode], other: Node, monkeypatch: pytest.MonkeyPatch
+    make_node: Callable[..., LoopNode], other: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node = make(IdentifierNode, refit_period=0.5, refit_window=1.0)
+    node = make_node(IdentifierNode, refit_period=0.5, refit_window=1.0)
     asked = []
     monkeypatch.setattr(
-        node._work._jobs, 'ask', lambda kind, make: asked.append((kind, make())) or True
+        node._work._jobs, 'ask', lambda kind, make_node: asked.append((kind, make_node())) or True
     )
     send(other, node._pipeline, node, 500 * SECOND, 20 * SECOND)
     assert node._pipeline.join.counts.restarts == 1
@@ -197,9 +165,9 @@ def test_refits_go_on_with_the_new_samples(
 
 
 def test_a_refit_without_samples_is_refused_and_one_that_lost_them_says_so(
-    make: Callable[..., LoopNode], other: Node, monkeypatch: pytest.MonkeyPatch
+    make_node: Callable[..., LoopNode], other: Node, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    node = make(IdentifierNode)
+    node = make_node(IdentifierNode)
     told: list[str] = []
     monkeypatch.setattr(node._work, '_logger', SimpleNamespace(warning=told.append))
     send(other, node._pipeline, node, SECOND)

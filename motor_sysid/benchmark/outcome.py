@@ -147,7 +147,7 @@ class Result:
 
     @classmethod
     def from_dict(cls, document: Mapping[str, object]) -> 'Result':
-        """Read what `as_dict` gave, before or after JSON; older files do not tell what was `lent`.
+        """Read what `as_dict` gave, before or after JSON.
 
         Raises
         ------
@@ -155,7 +155,7 @@ class Result:
             If it is something else.
         """
         known = {f.name for f in fields(cls)}
-        if set(document) | {'lent'} != known:
+        if set(document) != known:
             raise ValueError(f'fields differ: {sorted(known ^ set(document))}')
         values = {k: tuple(v) if isinstance(v, list) else v for k, v in document.items()}
         values['outcome'] = Outcome[str(document['outcome']).upper()]

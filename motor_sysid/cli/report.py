@@ -10,6 +10,7 @@ from motor_sysid.cli.common import (
     load_data,
     load_effect_files,
     progress,
+    writing,
 )
 from motor_sysid.errors import UserError
 
@@ -52,12 +53,11 @@ def run(args: argparse.Namespace) -> int:
             'give a model (.yaml) and data'
         )
     view = load_view(args.inputs[0]) if saved else _view_of_model(args)
-    try:
+    with writing(args.out):
         print(f'report: {write_view_report(view, args.out)}')
-        if args.json is not None:
+    if args.json is not None:
+        with writing(args.json):
             print(f'result: {save_view(view, args.json)}')
-    except OSError as error:
-        raise UserError(f'cannot write {error.filename}: {error.strerror}') from None
     return 0
 
 

@@ -12,15 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.recording.table_lines import Lines, read_lines, TOLERATED
+from motor_sysid.recording.table_lines import (
+    are_numbers,
+    Lines,
+    MISSING,
+    number_in,
+    read_lines,
+    TOLERATED,
+)
 from motor_sysid.signals.finding import Finding, Severity
 
 Array = NDArray[np.float64]
 Value = TypeVar('Value')
 
-MISSING = {'', 'na', 'n/a', 'null', 'none', '-', 'nan'}
 NO_DATE = np.datetime64('NaT', 'ns')
-WORDS = {'true': 1.0, 'false': 0.0}
 
 
 @dataclass
@@ -133,7 +138,7 @@ class Table:
 
     def _cell_by_cell(self, column: str) -> Array:
         """Read every cell on its own, and report those that are no numbers."""
-        numbers = self._each(column, self.texts(column), _number, 'number')
+        numbers = self._each(column, self.texts(column), number_in, 'number')
         return np.array([np.nan if x is None else x for x in numbers])
 
     def _each(
@@ -171,23 +176,12 @@ def read_table(path: Path) -> Table:
     """
     findings: list[Finding] = []
     lines = read_lines(path, findings)
-    if all(_number(name) is not None for name in lines.names):
+    if are_numbers(lines.names):
         raise UserError(
             f'{path} has no header line: it begins with `{", ".join(lines.names)[:60]}`; '
             'put one above, such as `time [s],voltage [V]`'
         )
     return Table(path, lines, findings)
-
-
-def _number(cell: str) -> float | None:
-    """Return the number in a cell, NaN if it is empty, None if it is something else."""
-    word = cell.strip().lower()
-    if word in MISSING:
-        return float('nan')
-    try:
-        return WORDS[word] if word in WORDS else float(word)
-    except ValueError:
-        return None
 
 
 def _stamps(cells: Sequence[str]) -> NDArray[np.datetime64]:

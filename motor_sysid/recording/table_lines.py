@@ -13,6 +13,8 @@ from motor_sysid.signals.finding import Finding, Severity
 TOLERATED = 0.01
 """Share of bad rows up to which they are left out instead of refused."""
 LONGEST = csv.field_size_limit()
+MISSING = {'', 'na', 'n/a', 'null', 'none', '-', 'nan'}
+WORDS = {'true': 1.0, 'false': 0.0}
 DELIMITERS = ',;\t|'
 SEPARATOR = re.compile('"?sep=.?"?')
 """A first line by which spreadsheets are told the delimiter."""
@@ -72,7 +74,7 @@ def read_lines(path: Path, findings: list[Finding]) -> Lines:
     names, kept = _names(top, delimiter), filled[1:]
     above = next((line for line in reversed(lines[: filled[0]]) if line.strip()), '')
     title = _names(above.lstrip().lstrip('#'), delimiter)
-    if len(title) == len(names) and _are_numbers(names) and not _are_numbers(title):
+    if len(title) == len(names) and are_numbers(names) and not are_numbers(title):
         names, kept = title, filled
     if not kept:
         raise UserError(f'{path} has a header ({", ".join(names)}) but no rows')
@@ -88,11 +90,20 @@ def _names(line: str, delimiter: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in cells_of(line, delimiter) or [line])
 
 
-def _are_numbers(cells: Sequence[str]) -> bool:
+def are_numbers(cells: Sequence[str]) -> bool:
+    """Tell whether a line holds numbers only, with points or commas: it is no header."""
+    return all(number_in(cell.replace(',', '.')) is not None for cell in cells)
+
+
+def number_in(cell: str) -> float | None:
+    """Return the number in a cell, NaN if it is empty, None if it is something else."""
+    word = cell.strip().lower()
+    if word in MISSING:
+        return float('nan')
     try:
-        return [float(cell.replace(',', '.')) for cell in cells] != []
+        return WORDS[word] if word in WORDS else float(word)
     except ValueError:
-        return False
+        return None
 
 
 def cells_of(line: str, delimiter: str) -> list[str] | None:

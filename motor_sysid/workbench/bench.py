@@ -122,7 +122,9 @@ class Bench:
                 records = [self.diagnosis.records[k] for k in self.held]
                 signal = np.concatenate([r.signals.get(name, np.zeros(len(r))) for r in records])
                 squares.append(errors**2 / max(np.mean(signal[good] ** 2), SMALLEST))
-        mean: Array = np.mean(squares, axis=0) if squares else self.held_errors(step, '')
+        if not squares:
+            return np.full(sum(len(self.diagnosis.records[k]) for k in self.held), np.nan)
+        mean: Array = np.mean(squares, axis=0)
         return np.sqrt(mean)
 
     def held_counts(self) -> Bins:

@@ -5,13 +5,8 @@ from dataclasses import replace
 from time import perf_counter
 
 from motor_sysid.diagnosis import diagnose, Settings
-from motor_sysid.diagnosis.engine import Engine
-from motor_sysid.diagnosis.fitting import add_effect, bench_of, fit_model
-from motor_sysid.diagnosis.result.result import Step
-from motor_sysid.diagnosis.search.integration_steps import refined
-from motor_sysid.diagnosis.search.ranking import may_rival, rivals_of, winner_of
-from motor_sysid.diagnosis.search.rung import Rung
-from motor_sysid.diagnosis.verdict.evidence import step_of
+from motor_sysid.diagnosis.fitting import add_effect
+from motor_sysid.diagnosis.one_round import one_round
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
@@ -59,8 +54,8 @@ class Session:
     ) -> None:
         self.tell: Progress = progress or (lambda text: None)
         self._train, self._validation = tuple(train), tuple(validation)
-        self._nominal, self._settings = nominal or {}, settings or Settings()
-        self._candidates = [effect(k) for k in effects] if effects else list(catalogue().values())
+        self._settings = settings or Settings()
+        self._effects = tuple(effects or catalogue())
         began = perf_counter()
         found = diagnose(
             train, validation, motor=motor, model=model, nominal=nominal, effects=effects,
@@ -109,7 +104,7 @@ class Session:
         base = self.diagnosis.steps[0].model
         return build_view(
             self.diagnosis,
-            effects=[one.key for one in self._candidates if base.admits(base.kind.taking(one))],
+            effects=[k for k in self._effects if base.admits(base.kind.taking(effect(k)))],
             parents=self.parents,
             last=self._found - 1,
         )
@@ -122,31 +117,14 @@ class Session:
 
     def _go_on(self, parent: int, model: Model) -> None:
         """Fit a model, try every candidate on it, and keep both."""
-        step = self._tried(
-            fit_model(
-                self._train, self._validation, model=model, lent=self.diagnosis.lent,
-                validation_fraction=self._settings.validation_fraction,
-            )
+        threshold = self.diagnosis.calibration
+        step = one_round(
+            model, self._train, self._validation, effects=self._effects, settings=self._settings,
+            threshold=None if threshold is None else threshold.delta_bic,
+            lent=self.diagnosis.lent, progress=self.tell,
         )  # fmt: skip
         self.diagnosis = replace(self.diagnosis, steps=(*self.diagnosis.steps, step))
         self.parents = (*self.parents, parent)
-
-    def _tried(self, rung: Rung) -> Step:
-        bench, _ = bench_of(
-            self._train, self._validation, rung.model, None, {},
-            self._settings.validation_fraction, lent=self.diagnosis.lent,
-        )  # fmt: skip
-        if self.diagnosis.calibration is not None:
-            bench = replace(bench, threshold=self.diagnosis.calibration.delta_bic)
-        rung, bench = refined(rung, bench)
-        engine = Engine(bench, self._candidates, self._settings, self.tell, self._nominal)
-        rung, trials = engine.round(rung, None)
-        passing = [t for t in trials if t.passes]
-        rivals = {}
-        if passing:
-            best = winner_of(passing)
-            rivals[best.key] = rivals_of(best, [t for t in trials if may_rival(t)], rung)
-        return step_of(rung, trials, rivals, bench)
 
 
 def _listed(names: Sequence[str]) -> str:

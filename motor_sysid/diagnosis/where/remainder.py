@@ -244,6 +244,7 @@ def _regressions(
 
 
 def _predictable(training: Samples, held: Samples) -> float:
+    """Return `Remainder.predictable` from features (N, k) and residuals (N, n_y) of both."""
     (x, y), (xv, yv) = training, held
     gram = x.T @ x + _STRONG_RIDGE * len(x) * np.eye(x.shape[1])
     offset = y.mean(axis=0)

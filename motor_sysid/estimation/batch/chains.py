@@ -147,7 +147,7 @@ def make_chain(
 
 
 def _roles(rows: int, cut: int, *, lent: bool) -> Iterator[tuple[int, int, str]]:
-    """Yield first and last row of the parts of a record, and whether it is for training."""
+    """Yield first and last row of each part of a record, and its role: train or validate."""
     if cut > 1:
         yield 0, cut, 'train'
     if rows - cut < 2:
