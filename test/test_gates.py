@@ -9,7 +9,14 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
-from motor_sysid.diagnosis.search.gates import gate_note, gone, is_idle, misfit_of_laws, UNPHYSICAL
+from motor_sysid.diagnosis.search.gates import (
+    gate_note,
+    gone,
+    is_idle,
+    misfit_of_laws,
+    TOO_LITTLE,
+    UNPHYSICAL,
+)
 from motor_sysid.diagnosis.search.rounds import accounted
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, with_better_sensor
 from motor_sysid.diagnosis.search.trial import Level
@@ -180,6 +187,12 @@ def test_what_changes_the_held_out_error_by_next_to_nothing_is_not_named(gain, h
     model = with_effect('quadratic_drag', {'k_d': 1e-8})
     found = note(model, 'quadratic_drag', gain=gain, held=held, further=False)
     assert (found == '') is told
+
+
+@pytest.mark.parametrize('gain', [0.0, -0.3, -40.0])
+def test_no_error_is_said_to_fall_that_does_not(gain):
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    assert note(model, 'quadratic_drag', gain=gain) == f'{TOO_LITTLE} nothing'
 
 
 def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():

@@ -331,7 +331,7 @@ def gate_note(
     ):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
-        return f'{TOO_LITTLE} {max(gain, 0.0):.1f} % only'
+        return f'{TOO_LITTLE} ' + (f'{gain:.1f} % only' if gain > 0.0 else 'nothing')
     if steady < MIN_STEADY and not halved:
         return UNSTEADY
     return ''
