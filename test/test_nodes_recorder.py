@@ -84,6 +84,7 @@ def test_what_comes_before_simulated_time_begins_is_received_when_it_does(
     recording.turn(began, 'the time')
     volts.publish(0, 2.0, 0.0, 0.0)
     recording.turn(lambda: topics['/motor/voltage'].received == 2, 'the rest')
+    recording.turn(lambda: topics['/identifier/model'].received == 1, 'the configuration')
     bag = recording.finished()
     assert {received for _, received, _ in bag.iterate()} == {30 * SECOND}
     (found,) = recorded_configurations(bag)
