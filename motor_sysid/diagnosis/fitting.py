@@ -16,7 +16,7 @@ from motor_sysid.diagnosis.search.bench import (
     told_kind,
     with_scales,
 )
-from motor_sysid.diagnosis.search.integration_steps import exact
+from motor_sysid.diagnosis.search.integration_steps import exact, refined
 from motor_sysid.diagnosis.search.refit import best_per_effect, try_effect
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.search.trial import Level, Trial
@@ -70,6 +70,7 @@ def fit_model(
             rung = _tried(rung, key, bench).rung
     if rung.model.effects:
         rung = with_better_sensor(rung, bench, rung.result.weighting)
+        rung, bench = refined(rung, bench)
     if method == 'least_squares':
         return exact(rung, bench)[0]
     stretches = [s for chain in bench.train_free for s in chain if s.scored]

@@ -9,7 +9,8 @@ from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.delay_profile import with_profiled_delays
 from motor_sysid.diagnosis.search.edges import beyond_edges, edges_of
 from motor_sysid.diagnosis.search.moments import with_honest_moments
-from motor_sysid.diagnosis.search.rung import Rung, slopes
+from motor_sysid.diagnosis.search.rung import FINER, Rung, slopes
+from motor_sysid.diagnosis.search.valleys import Around, AWAY, less_known
 from motor_sysid.estimation.batch import FitResult, Problem, Weighting
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import effect
@@ -25,8 +26,8 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     """Return a fit with standard errors that hold for what the data are like.
 
     They hold for noise that is correlated for long, for laws that end within reach, for a cost
-    that is rough, for delays, and for moments.  `blunt` (p,) holds errors of the integration that
-    are added to them.
+    that is rough or flatter than its derivatives say, for delays, and for moments.  `blunt` (p,)
+    holds errors of the integration that are added to them.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     near = slopes(rung, bench)
@@ -35,14 +36,39 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
         problem, weighting, spread.covariance, spread.sigma, spread.information,
         edges_of(rung.model),
     )  # fmt: skip
-    sigma = np.hypot(sigma, blunt)
+    wider = np.where(_profiled(problem), 1.0, less_known(_around(rung, bench)))
+    sigma = np.hypot(np.maximum(sigma, wider * spread.sigma), blunt)
     if any(effect(key).card.strikes for key in rung.model.effects):
         rough = roughness(problem, weighting, spread.covariance)
         sigma = np.hypot(sigma, np.sqrt(rough) * spread.information.bound)
     model = rung.model.with_estimates({}, _named(problem, sigma))
     model = with_profiled_delays(model, bench, weighting, spread.information)
     model = with_honest_moments(bench.problem(model), weighting, spread.information)
-    return replace(rung.result, model=model, covariance=spread.covariance)
+    return replace(rung.result, model=model, covariance=spread.covariance * np.outer(wider, wider))
+
+
+def _around(rung: Rung, bench: Bench) -> Around:
+    """Return the cost around a fit, in steps that are not too fine for the many runs it takes.
+
+    They must lead to about the same fit.
+    """
+    around = _seen(rung, replace(bench, substeps=min(bench.substeps, FINER)))
+    if bench.substeps > FINER and around.fall > AWAY**2:
+        return _seen(rung, bench)
+    return around
+
+
+def _seen(rung: Rung, bench: Bench) -> Around:
+    """Return the cost around a fit in the steps of `bench`."""
+    near = slopes(rung, bench)
+    return Around(bench.problem(rung.model), rung.result.weighting, tuple(near))
+
+
+def _profiled(problem: Problem) -> Array:
+    """Return (p,) whether the error is looked at all along a parameter: a delay, or a moment."""
+    cards = [(key, effect(key).card) for key in problem.model.effects]
+    names = {f'{key}.{name}' for key, card in cards for name in (card.delay, card.moment) if name}
+    return np.array([p.name in names for p in problem.free])
 
 
 def _named(problem: Problem, sigma: Array) -> dict[str, float]:
