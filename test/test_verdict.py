@@ -378,6 +378,20 @@ def test_the_last_of_several_goes_alone_if_it_alone_takes_away_less_than_what_is
     assert not is_last_outweighed(both, Remainder({}, FLOOR, 5.9, 5.9, 0.9))
 
 
+def test_an_effect_that_only_leads_to_the_next_is_counted_with_it():
+    """Of what is left, 0.9 * 20.2 %^2 has a shape."""
+    left = Remainder({}, FLOOR, 4.5, 4.5, 0.9)
+    base, ahead, both = rung(60.0), rung(90.0, effects=('a',)), rung(11.0, effects=('a', 'b'))
+    exchanged, last = rung(4.5, effects=('c', 'd')), rung(4.5, effects=('a', 'b', 'c'))
+    assert verdict(base, ahead, both, exchanged, left=left) is Verdict.EFFECT_MISSING
+    assert verdict(base, ahead, both, last, left=left) is Verdict.EFFECT_MISSING
+    little = [rung(10.9, effects=('a', 'b', 'c')), rung(10.8, effects=('a', 'b', 'c', 'd'))]
+    more = Remainder({}, FLOOR, 10.8, 10.8, 0.9)
+    assert verdict(base, ahead, both, *little, left=more) is Verdict.UNKNOWN_EFFECT
+    ladder = [(one, []) for one in (base, both, rung(11.5, effects=('a', 'b', 'c')))]
+    assert is_last_outweighed(ladder, Remainder({}, FLOOR, 11.5, 11.5, 0.9))
+
+
 def test_what_took_the_place_of_another_took_nothing_away_itself():
     left = Remainder({}, FLOOR, 4.5, 4.5, 0.9)
     steps = [rung(40.0), rung(4.6, effects=('a',)), rung(4.5, effects=('b',))]

@@ -46,13 +46,20 @@ def _vague(rung: Rung) -> int:
 
 
 def _drops(ladder: Sequence[tuple[Rung, list[Trial]]]) -> list[float]:
-    """Return the decrease of the squared held-out error by each of several effects, %^2."""
-    rungs = [rung for rung, _ in ladder]
-    drops = [
-        before.held.error_percent**2 - after.held.error_percent**2
-        for before, after in pairwise(rungs)
-        if set(before.model.effects) < set(after.model.effects)
-    ]
+    """Return the decrease of the squared held-out error by each of several effects, %^2.
+
+    One that raises the error alone, and only leads to the next, is counted together with it.
+    """
+    drops, raised = [], 0.0
+    for (before, _), (after, _) in pairwise(ladder):
+        if not set(before.model.effects) < set(after.model.effects):
+            raised = 0.0
+            continue
+        drop = before.held.error_percent**2 - after.held.error_percent**2 + raised
+        raised = min(drop, 0.0)
+        if not raised:
+            drops.append(drop)
+    drops += [raised] if raised else []
     return drops if len(drops) > 1 else []
 
 
