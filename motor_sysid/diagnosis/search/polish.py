@@ -1,5 +1,6 @@
 """The last fit of a model that was fitted over short looks ahead: over free runs."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -17,12 +18,15 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     """Fit a model that was fitted over short looks ahead once more over free runs.
 
     A free run tells of what adds up, an offset say; what it does to inertia or friction is drift.
-    So no parameter may go further than `REACH`; the standard errors are those of the looks ahead.
+    So no parameter may go further than `REACH`; the standard errors are those of the looks ahead,
+    as derivatives have them, not those of valleys that the last digits of a free run would follow.
     The result counts only if it runs better on held-out data, too.
     """
     if bench.horizon is None:
         return rung
-    boxed = ParameterSet(tuple(map(_within_reach, rung.model.parameters)))
+    told = np.sqrt(np.maximum(np.diag(rung.result.covariance), 0.0)).tolist()
+    sizes = {p.name: size for p, size in zip(rung.model.parameters.free, told, strict=True)}
+    boxed = ParameterSet(tuple(_within_reach(p, sizes) for p in rung.model.parameters))
     model = replace(rung.model, parameters=boxed)
     found = fit(Problem(model, bench.train_free, bench.outputs, substeps=bench.substeps)).model
     known = {p.name: p.sigma for p in rung.model.parameters if p.sigma is not None}
@@ -33,9 +37,10 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     return better if improved else rung
 
 
-def _within_reach(p: Parameter) -> Parameter:
+def _within_reach(p: Parameter, sizes: Mapping[str, float]) -> Parameter:
     """Return a parameter that may move by `REACH` standard errors only."""
-    if not p.free or p.sigma is None or not 0.0 < p.sigma < np.inf:
+    size = sizes.get(p.name, 0.0)
+    if not 0.0 < size < np.inf:
         return p
-    low, high = p.value - REACH * p.sigma, p.value + REACH * p.sigma
+    low, high = p.value - REACH * size, p.value + REACH * size
     return replace(p, lower=max(low, p.lower), upper=min(high, p.upper))

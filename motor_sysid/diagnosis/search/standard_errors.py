@@ -44,7 +44,7 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     model = rung.model.with_estimates({}, _named(problem, sigma))
     model = with_profiled_delays(model, bench, weighting, spread.information)
     model = with_honest_moments(bench.problem(model), weighting, spread.information)
-    return replace(rung.result, model=model, covariance=spread.covariance * np.outer(wider, wider))
+    return replace(rung.result, model=model, covariance=spread.covariance)
 
 
 def _around(rung: Rung, bench: Bench) -> Around:
