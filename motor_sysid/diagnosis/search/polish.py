@@ -7,6 +7,7 @@ import numpy as np
 
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.rung import judge, Rung, vanished
+from motor_sysid.diagnosis.search.standard_errors import profiled
 from motor_sysid.estimation.batch import fit, Problem
 from motor_sysid.physics.parameters import Parameter, ParameterSet
 
@@ -25,7 +26,11 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     if bench.horizon is None:
         return rung
     told = np.sqrt(np.maximum(np.diag(rung.result.covariance), 0.0)).tolist()
-    sizes = {p.name: size for p, size in zip(rung.model.parameters.free, told, strict=True)}
+    scanned = profiled(rung.model)
+    sizes = {
+        p.name: p.sigma or 0.0 if p.name in scanned else size
+        for p, size in zip(rung.model.parameters.free, told, strict=True)
+    }
     boxed = ParameterSet(tuple(_within_reach(p, sizes) for p in rung.model.parameters))
     model = replace(rung.model, parameters=boxed)
     found = fit(Problem(model, bench.train_free, bench.outputs, substeps=bench.substeps)).model

@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.search.valleys import Around, AWAY, less_known
 from motor_sysid.estimation.batch import FitResult, Problem, Weighting
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
 
@@ -36,7 +37,8 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
         problem, weighting, spread.covariance, spread.sigma, spread.information,
         edges_of(rung.model),
     )  # fmt: skip
-    wider = np.where(_profiled(problem), 1.0, less_known(_around(rung, bench)))
+    known = [p.name in profiled(rung.model) for p in problem.free]
+    wider = np.where(known, 1.0, less_known(_around(rung, bench)))
     sigma = np.hypot(np.maximum(sigma, wider * spread.sigma), blunt)
     if any(effect(key).card.strikes for key in rung.model.effects):
         rough = roughness(problem, weighting, spread.covariance)
@@ -64,11 +66,10 @@ def _seen(rung: Rung, bench: Bench) -> Around:
     return Around(bench.problem(rung.model), rung.result.weighting, tuple(near))
 
 
-def _profiled(problem: Problem) -> Array:
-    """Return (p,) whether the error is looked at all along a parameter: a delay, or a moment."""
-    cards = [(key, effect(key).card) for key in problem.model.effects]
-    names = {f'{key}.{name}' for key, card in cards for name in (card.delay, card.moment) if name}
-    return np.array([p.name in names for p in problem.free])
+def profiled(model: Model) -> set[str]:
+    """Return the parameters all along which the error is looked at: delays and moments."""
+    cards = [(key, effect(key).card) for key in model.effects]
+    return {f'{key}.{name}' for key, card in cards for name in (card.delay, card.moment) if name}
 
 
 def _named(problem: Problem, sigma: Array) -> dict[str, float]:
