@@ -82,6 +82,7 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
 def note(
     model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True, steady=1.0,
     sigmas=0.1, trained=4.9, mends=False, delta=1000.0, tied=0.0, held=(5.0, 4.9),
+    threshold=20.0,
 ):
     old = SimpleNamespace(
         model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=()),
@@ -99,8 +100,9 @@ def note(
         held=SimpleNamespace(error_percent=held[1]),
     )
     return gate_note(
-        scored, new, old, delta, gain, steady, certain, deep, 20.0, 10.0, mends=mends
-    )
+        scored, new, old, delta, gain, steady, certain, deep, threshold, 10.0, asked=20.0,
+        mends=mends,
+    )  # fmt: skip
 
 
 def with_effect(key, values, others=()):
@@ -200,6 +202,9 @@ def test_an_amplitude_that_may_be_nothing_is_not_named_whatever_its_evidence():
     assert note(model, 'quadratic_drag', gain=10.0, sigmas=0.3) == ''
     assert 'from nothing' in note(model, 'quadratic_drag', gain=10.0, sigmas=0.4)
     assert note(model, 'quadratic_drag', gain=11.0, sigmas=0.4, delta=1001.0) == ''
+    beside = {'gain': 11.0, 'sigmas': 0.4, 'threshold': 500.0}  # laws of the model are inexact
+    assert note(model, 'quadratic_drag', delta=1001.0, **beside) == ''
+    assert 'from nothing' in note(model, 'quadratic_drag', delta=999.0, **beside)
 
 
 @pytest.mark.parametrize(

@@ -272,6 +272,7 @@ def gate_note(
     threshold: float,
     duration: float,
     *,
+    asked: float = 0.0,
     mends: bool = False,
 ) -> str:
     """Return why a refit does not pass, in plain words; empty where it does.
@@ -297,6 +298,9 @@ def gate_note(
         Whether, more than that, it was far above the noise and comes near it; see `DEEP`.
     duration:
         Time of the longest record, s.
+    asked:
+        What noise alone asks of the evidence; `threshold` by default, which is more where laws of
+        the model are not right to the last detail.
     mends:
         Whether it does more than follow closer what the model has; see `TORN` and `MORE`.
     """
@@ -312,7 +316,7 @@ def gate_note(
         return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE
     halved = new.training.error_percent < HALVED * old.training.error_percent
     falls = steady >= MIN_STEADY and (gain > SURE_GAIN or (halved and gain > MIN_GAIN_PERCENT))
-    sure = delta > SURE * threshold and falls
+    sure = delta > SURE * (asked or threshold) and falls
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return UNCERTAIN
     if _stands_still(new.model, scored.variant.effect, duration):

@@ -179,7 +179,7 @@ def judged(
     threshold = max(bench.threshold, inexact)
     note = gate_note(
         scored, new, rung, delta, gain, steady, certain, deep, threshold,
-        bench.scales.duration, mends=mends,
+        bench.scales.duration, asked=bench.threshold, mends=mends,
     )  # fmt: skip
     if note == NO_EVIDENCE and delta > bench.threshold:
         note = INEXACT
