@@ -4,6 +4,6 @@ In reading order: `bench` (records, motor kind and scales, ready to fit), `momen
 fitted model), `gates` (whether a gain is real), `trial` (a candidate after its refit),
 `grid_starts`, `refit`; `confusable`, `synonyms` and `ranking` (who wins a round, and who does as
 well); `rounds`; what a climb by single effects misses: `step_ahead`, `pairs`, `exchange`; `prune`;
-how exact a fit is: `edges`, `delay_profile`, `standard_errors`, `feedback` (of a controller),
-`pits`, `integration_steps`; and what is done to a finished ladder: `polish`, `retelling`.
+how exact a fit is: `edges`, `delay_profile`, `valleys`, `standard_errors`, `feedback` (of a
+controller), `pits`, `integration_steps`; what is done to a finished ladder: `polish`, `retelling`.
 """
