@@ -28,7 +28,7 @@ Array = NDArray[np.float64]
 AWAY = 2.0
 """Distance in standard errors, in each of the parameters, at which the rise is looked at."""
 
-TURNS = 4
+TURNS = 2
 """How many times valleys are looked for, each time with what was found before."""
 
 LOOKS = 16
