@@ -78,9 +78,9 @@ TOLD = 2.0
 zero: fewer, and its 95 % interval holds zero."""
 
 SURE, SURE_GAIN = 50.0, 10.0
-"""Evidence in units of what is asked for, and fall of the held-out error in percent, with which an
-effect is there even if its amplitude cannot be told from nothing together with all the others: a
-combination of it and the motor's own parameters may be all that the data see."""
+"""Evidence in units of what noise asks for, and fall of the held-out error in percent, with which
+an effect is there even if its amplitude cannot be told from nothing together with all the others:
+a combination of it and the motor's own parameters may be all that the data see."""
 
 HALVED = 0.5
 """Error over the training data, in units of that before, below which what an effect acts on may be
@@ -272,7 +272,7 @@ def gate_note(
     threshold: float,
     duration: float,
     *,
-    asked: float = 0.0,
+    asked: float,
     mends: bool = False,
 ) -> str:
     """Return why a refit does not pass, in plain words; empty where it does.
@@ -299,8 +299,8 @@ def gate_note(
     duration:
         Time of the longest record, s.
     asked:
-        What noise alone asks of the evidence; `threshold` by default, which is more where laws of
-        the model are not right to the last detail.
+        What noise alone asks of the evidence; `threshold` is more where laws of the model are not
+        right to the last detail.
     mends:
         Whether it does more than follow closer what the model has; see `TORN` and `MORE`.
     """
@@ -316,7 +316,7 @@ def gate_note(
         return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE
     halved = new.training.error_percent < HALVED * old.training.error_percent
     falls = steady >= MIN_STEADY and (gain > SURE_GAIN or (halved and gain > MIN_GAIN_PERCENT))
-    sure = delta > SURE * (asked or threshold) and falls
+    sure = delta > SURE * asked and falls
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return UNCERTAIN
     if _stands_still(new.model, scored.variant.effect, duration):

@@ -19,8 +19,8 @@ def polish(rung: Rung, bench: Bench) -> Rung:
     """Fit a model that was fitted over short looks ahead once more over free runs.
 
     A free run tells of what adds up, an offset say; what it does to inertia or friction is drift.
-    So no parameter may go further than `REACH`; the standard errors are those of the looks ahead,
-    as derivatives have them, not those of valleys that the last digits of a free run would follow.
+    So no parameter may go further than `REACH`; the standard errors are those of the looks ahead.
+    What a valley in their cost adds is left out: drift would follow it.
     The result counts only if it runs better on held-out data, too.
     """
     if bench.horizon is None:

@@ -37,8 +37,9 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
         problem, weighting, spread.covariance, spread.sigma, spread.information,
         edges_of(rung.model),
     )  # fmt: skip
-    known = [p.name in profiled(rung.model) for p in problem.free]
-    wider = np.where(known, 1.0, less_known(_around(rung, bench)))
+    scanned = profiled(rung.model)
+    own = [p.name in scanned for p in problem.free]
+    wider = np.where(own, 1.0, less_known(_around(rung, bench)))
     sigma = np.hypot(np.maximum(sigma, wider * spread.sigma), blunt)
     if any(effect(key).card.strikes for key in rung.model.effects):
         rough = roughness(problem, weighting, spread.covariance)
