@@ -47,7 +47,7 @@ STEEP = 2.0
 """Rise in units of what derivatives say, beyond which it counts for no more: a valley is asked
 for, and it is asked of the flatter side alone."""
 
-REACHES = np.geomspace(1.0, 64.0, LOOKS)
+REACHES = np.geomspace(1.0, 64.0, 9)
 """Distances along a flat direction, in units of what derivatives say."""
 
 
@@ -131,7 +131,7 @@ def less_known(around: Around) -> Array:
         flat = _flat_directions(around, root, random)
         if not flat.shape[1]:
             break
-        reach = np.array([_reach(around, root @ one) for one in flat.T])
+        reach = _reaches(around, flat.T @ root.T)
         root = root + root @ (flat * (reach - 1.0)) @ flat.T
         if np.all(reach == 1.0):
             break
@@ -174,17 +174,19 @@ def _quadratic(xi: Array, rises: Array) -> Array:
     return found
 
 
-def _reach(around: Around, direction: Array) -> float:
-    """Return how much farther than `direction` (d,) says one standard error is."""
+def _reaches(around: Around, directions: Array) -> Array:
+    """Return (k,) how much farther than (k, d) `directions` say one standard error is."""
     allowed = AWAY**2
-    rises = around.rise(AWAY * REACHES[:, np.newaxis] * direction)
-    beyond = np.flatnonzero(rises > allowed)
-    if beyond.size == 0:
-        return float(REACHES[-1])
-    k = int(beyond[0])
-    if k == 0:
-        return 1.0
-    return float(np.interp(allowed, rises[k - 1 : k + 1], REACHES[k - 1 : k + 1]))
+    moves = AWAY * REACHES[:, np.newaxis] * directions[:, np.newaxis]
+    rises = around.rise(moves.reshape(-1, directions.shape[1])).reshape(len(directions), -1)
+    reaches = np.full(len(directions), REACHES[-1])
+    for k, along in enumerate(rises):
+        beyond = np.flatnonzero(along > allowed)
+        if beyond.size:
+            n = int(beyond[0])
+            told = slice(n - 1, n + 1)
+            reaches[k] = np.interp(allowed, along[told], REACHES[told]) if n else 1.0
+    return reaches
 
 
 def _size(root: Array) -> Array:
