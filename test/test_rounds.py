@@ -17,6 +17,7 @@ from motor_sysid.diagnosis.search.rounds import (
     led_back,
     outdone,
     passed_over,
+    promising,
     straightened,
     tried_instead,
     unpromised,
@@ -28,11 +29,11 @@ from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 
 
-def a_score(key, delta_bic, *, finite):
+def a_score(key, delta_bic, *, finite, inherits=False):
     """Return what scoring found of an effect, which a finite trial or a derivative told."""
     free = () if finite else ('some amplitude',)
     model = SimpleNamespace(parameters=SimpleNamespace(free=free))
-    variant = SimpleNamespace(effect=effect(key), model=model, inherits=False)
+    variant = SimpleNamespace(effect=effect(key), model=model, inherits=inherits)
     return Scored(variant, delta_bic, delta_bic, {}, True, 0.0)
 
 
@@ -45,6 +46,19 @@ def test_where_nothing_passes_finite_trials_get_a_turn_whatever_their_score():
     ]  # fmt: skip
     found = unpromised(Scores(singles, [], None), {'quadratic_drag', 'input_delay'})
     assert [[one.delta_bic for one in starts] for starts in found] == [[-5.0, -7.0]]
+
+
+def test_what_widens_an_effect_of_the_model_gets_a_turn_whatever_its_score():
+    """A friction that sticks elsewhere may be what it takes, which no derivative tells."""
+    scores = [
+        a_score('cogging_torque', 30.0, finite=False),
+        a_score('asymmetric_coulomb_friction', -9.0, finite=False, inherits=True),
+        a_score('brush_voltage_drop', -9.0, finite=False),
+    ]
+    chosen = promising(SimpleNamespace(singles=scores), 7)
+    assert [starts[0].variant.effect.key for starts in chosen] == [
+        'cogging_torque', 'asymmetric_coulomb_friction',
+    ]  # fmt: skip
 
 
 def test_a_start_that_is_off_is_no_noise():

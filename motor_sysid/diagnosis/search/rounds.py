@@ -99,17 +99,18 @@ def unseen(scores: Scores) -> set[str]:
     return keys - {one.variant.effect.key for one in seen}
 
 
-def promising(scores: Scores, limit: int, leaves: bool) -> list[list[Scored]]:
+def promising(scores: Scores, limit: int) -> list[list[Scored]]:
     """Return the starts of at most `limit` effects, best first: the best score in any case.
 
     The others need evidence, unless they are a special case of one before them, or a wider form of
-    an effect of the model where this `leaves` more than noise.
+    an effect of the model: a friction that sticks and slips elsewhere may be what it takes, which
+    no derivative tells.
     """
     chosen: list[list[Scored]] = []
     special: set[str] = set()
     for starts in best_per_effect(scores.singles, limit):
         one = starts[0].variant.effect
-        wider = leaves and starts[0].variant.inherits
+        wider = starts[0].variant.inherits
         if starts[0].delta_bic > 0.0 or wider or one.key in special or not chosen:
             special |= set(one.card.generalises)
             chosen.append(starts)
@@ -139,7 +140,7 @@ def refitted(
     """
     level = Level.of(rung, bench, scores.weighting, base)
     leaves = level.cost > ONLY_NOISE * level.rows
-    chosen = promising(scores, limit, leaves)
+    chosen = promising(scores, limit)
     tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
 
     def roughly(starts: Sequence[Scored]) -> Trial:
