@@ -222,7 +222,7 @@ def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
     def trial(key, evidence, *effects):
         variant = SimpleNamespace(effect=effect(key))
         model = SimpleNamespace(effects=effects)
-        fit = SimpleNamespace(model=model)
+        fit = SimpleNamespace(model=model, result=(key, evidence))
         return SimpleNamespace(
             key=key, delta_bic=evidence, scored=SimpleNamespace(variant=variant), rung=fit
         )
@@ -236,7 +236,7 @@ def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
         trial('backlash', 95.0, 'gravity_load', 'flexible_shaft'),  # it could not be simulated
         trial('stribeck_friction', 99.0, 'gravity_load', 'stribeck_friction'),
     ]
-    assert tried_instead(rung, tried) == {'backlash': wider.rung.model}
+    assert tried_instead(rung, tried) == {'backlash': wider.rung.result}
 
 
 def test_where_much_is_left_all_that_has_evidence_gets_a_turn_with_several_starts():

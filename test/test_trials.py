@@ -104,6 +104,25 @@ def test_where_another_speed_sensor_fits_better_the_evidence_decides(monkeypatch
     assert evidence[found.rung.model.speed_sensor] == 50.0
 
 
+@pytest.mark.parametrize('above', [True, False])
+def test_an_earlier_fit_of_the_same_effects_stays_where_nothing_does_better(monkeypatch, above):
+    """Teeth that strike have a valley for every blow: the next fit may end in a worse one."""
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    scores = scored(rung, bench, [effect('coulomb_friction')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    starts = best_per_effect(scores.singles, 1)[0]
+    earlier = refit.try_roughly(starts, level, bench)
+    assert earlier.passes
+    elsewhere = replace(earlier, delta_bic=-600.0, note=NO_EVIDENCE)
+    monkeypatch.setattr(refit, '_followed', lambda *fit: elsewhere)
+    monkeypatch.setattr(refit, '_is_above', lambda *fit: above)
+    found = refit.try_roughly(starts, level, bench, earlier.rung.result, give_up=True)
+    assert found.passes
+    assert found.delta_bic == pytest.approx(earlier.delta_bic, rel=0.01)
+    assert not refit.try_roughly(starts, level, bench, give_up=True).passes
+
+
 def test_a_delay_begins_from_the_first_guess_of_the_motor_too(monkeypatch):
     """The inductance that made up for it hardly finds back."""
     data = records({'input_delay': {'delay': 3.4e-3}}, kinds=('steps',), seconds=3.0)

@@ -75,15 +75,15 @@ def try_roughly(
     starts: Sequence[Scored],
     level: Level,
     bench: Bench,
-    earlier: Model | None = None,
+    earlier: FitResult | None = None,
     *,
     give_up: bool = False,
 ) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all.
 
-    It begins as well from an `earlier` fit of the same effects, if there is one, and from the best
-    of a grid where something is missing: a touch may have evidence where a noise model takes most
-    of what is missing for noise.  Where another speed sensor fits better, the evidence decides: a
+    It begins as well from an `earlier` fit of the same effects, if there is one, which stays where
+    nothing does better; and from the best of a grid where something is missing: a touch may have
+    evidence where a noise model takes most of what is missing for noise.  Where another speed sensor fits better, the evidence decides: a
     load that comes and goes hides much of it.  With `give_up`, what begins above the model itself
     is not followed, unless that leaves much.
     """
@@ -98,8 +98,10 @@ def try_roughly(
     if not tried:
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     one, model = tried[0]
+    kept: list[Trial] = []
     if earlier is not None:
-        known = earlier.parameters.values()
+        kept = [judged(one, _standing(earlier, bench), level, bench)]
+        known = earlier.model.parameters.values()
         mine = {name: value for name, value in known.items() if name in model.parameters}
         tried.append((one, model.with_values(mine)))
     anew = lost(rung.model, bench)
@@ -121,10 +123,11 @@ def try_roughly(
     others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
     beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
-    if give_up and not much and _is_above(best[2], rung, race):
+    if give_up and not much and not kept and _is_above(best[2], rung, race):
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
+    found += kept
     least = min(trial.rung.training.error_percent for trial in found)
     return max(
         found,

@@ -46,7 +46,7 @@ from motor_sysid.diagnosis.search.rung import (
     slopes,
 )
 from motor_sysid.diagnosis.search.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
-from motor_sysid.estimation.batch import Weighting
+from motor_sysid.estimation.batch import FitResult, Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -124,14 +124,14 @@ def refitted(
     limit: int,
     tell: Tell,
     base: Rung | None = None,
-    earlier: Mapping[str, Model] | None = None,
+    earlier: Mapping[str, FitResult] | None = None,
     *,
     thorough: bool = True,
 ) -> list[Trial]:
     """Refit at most `limit` effects, best score first, and then special cases of those.
 
-    `base` is the fit of the model that had no effects yet; `earlier` are models in which an effect
-    was tried in place of one of the model's, to begin from there as well.  Where nothing helps and
+    `base` is the fit of the model that had no effects yet; `earlier` are fits in which an effect was
+    tried in place of one of the model's, to begin from there as well.  Where nothing helps and
     much is left, more effects are tried, and in full, if the round is to be `thorough`.
 
     Returns
@@ -323,8 +323,8 @@ def _again(
     return [fitted.get(t.key, t) for t in trials]
 
 
-def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, Model]:
-    """Return the fitted models in which what widens an effect of a model was tried instead of it.
+def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
+    """Return the fits in which what widens an effect of a model was tried instead of it.
 
     A narrower law that explains most of a wider one goes first; the way from its fit back to that
     of the wider one may lead through valleys.
@@ -333,7 +333,7 @@ def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, Model]:
     for trial in sorted(tried, key=lambda t: t.delta_bic):
         narrower = mine & set(trial.scored.variant.effect.card.generalises)
         if narrower and set(trial.rung.model.effects) == mine - narrower | {trial.key}:
-            found[trial.key] = trial.rung.model
+            found[trial.key] = trial.rung.result
     return found
 
 
