@@ -83,9 +83,9 @@ def try_roughly(
 
     It begins as well from an `earlier` fit of the same effects, if there is one, which stays where
     nothing does better; and from the best of a grid where something is missing: a touch may have
-    evidence where a noise model takes most of what is missing for noise.  Where another speed sensor fits better, the evidence decides: a
-    load that comes and goes hides much of it.  With `give_up`, what begins above the model itself
-    is not followed, unless that leaves much.
+    evidence where a noise model takes most of what is missing for noise.  Where another speed
+    sensor fits better, the evidence decides: a load that comes and goes hides much of it.  With
+    `give_up`, what begins above the model itself is not followed, unless that leaves much.
     """
     rung, much = level.rung, leaves_much(level.rung, bench)
     least = -np.inf if much else WORTH * max(one.gain for one in starts)

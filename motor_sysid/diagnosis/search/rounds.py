@@ -130,9 +130,9 @@ def refitted(
 ) -> list[Trial]:
     """Refit at most `limit` effects, best score first, and then special cases of those.
 
-    `base` is the fit of the model that had no effects yet; `earlier` are fits in which an effect was
-    tried in place of one of the model's, to begin from there as well.  Where nothing helps and
-    much is left, more effects are tried, and in full, if the round is to be `thorough`.
+    `base` is the fit of the model that had no effects yet; `earlier` are fits in which an effect
+    was tried in place of one of the model's, to begin from there as well.  Where nothing helps
+    and much is left, more effects are tried, and in full, if the round is to be `thorough`.
 
     Returns
     -------
