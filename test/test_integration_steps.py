@@ -1,6 +1,7 @@
 """What the integration does wrong counts for no effect, and finer steps are followed cheaply."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 from bench_motor import records
 import numpy as np
@@ -12,7 +13,7 @@ from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.search.gates import INEXACT
 import motor_sysid.diagnosis.search.integration_steps as steps
-from motor_sysid.diagnosis.search.integration_steps import _secant, refined
+from motor_sysid.diagnosis.search.integration_steps import _secant, asked_finer, refined
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.physics.model import SpeedSensor
 
@@ -31,6 +32,17 @@ def test_steps_that_are_fine_enough_do_nothing_wrong():
     bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
     friction = rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3})
     assert refined(climb(friction, bench), bench)[1].wrong == 0.0
+
+
+def test_what_coarse_steps_follow_badly_is_asked_again_in_finer_ones():
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    waves = rung.model.with_effect('cogging_torque', {'a_1': 0.05, 'b_1': 0.0, 'n': 96.0})
+    smooth, bent = (SimpleNamespace(rung=SimpleNamespace(model=m)) for m in (rung.model, waves))
+    assert asked_finer(rung, [], bench) == (rung, bench)
+    assert asked_finer(rung, [smooth], bench) == (rung, bench)
+    finer, asked = asked_finer(rung, [smooth, bent], bench)
+    assert finer.substeps == asked.substeps > bench.substeps
+    assert finer.model.effects == rung.model.effects
 
 
 @pytest.mark.slow

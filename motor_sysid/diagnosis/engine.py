@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
-from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT
 from motor_sysid.diagnosis.candidates.score import Scores
 from motor_sysid.diagnosis.experiment.next_experiment import next_experiment
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
@@ -12,7 +11,7 @@ from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
-from motor_sysid.diagnosis.search.integration_steps import exact, refined
+from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
@@ -40,10 +39,8 @@ from motor_sysid.diagnosis.search.rounds import (
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
-    held_at_best,
     profile_cost,
     Rung,
-    slopes,
     SPOILED,
     vanished,
     with_better_sensor,
@@ -54,16 +51,15 @@ from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
 from motor_sysid.diagnosis.verdict.evidence import step_of
 from motor_sysid.diagnosis.verdict.explain import explained
+from motor_sysid.diagnosis.verdict.left_over import left_over
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
     is_last_outweighed,
     verdict_of,
 )
-from motor_sysid.diagnosis.where.compare import compare
-from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
+from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.estimation.batch import Weighting
-from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 
@@ -137,6 +133,11 @@ class Engine:
             if len(ladder) > self.settings.max_effects:
                 break
             if not passing:
+                held_back = hopeful(trials, self.bench.threshold)
+                finer, self.bench = asked_finer(rung, held_back, self.bench)
+                if finer is not rung:
+                    rung = finer
+                    continue
                 other = None if reconsidered else self.exchange().better(rung, start, rivals)
                 if other is not None:
                     other = pruned(other, self.bench, self.gains, self.tell, last=True)
@@ -173,10 +174,10 @@ class Engine:
         start = ladder[0][0].model.effects
         self.settle(ladder, start)
         doubted = self.doubted(ladder, start)
-        left = self.remainder(ladder[-1][0])
+        left = left_over(ladder[-1][0], self.bench, self.train_records)
         while is_last_outweighed(ladder, left):
             self.take_back(ladder, start)
-            left = self.remainder(ladder[-1][0])
+            left = left_over(ladder[-1][0], self.bench, self.train_records)
         return self.conclude(ladder, rivals, left, doubted=doubted)
 
     def take_back(self, ladder: Ladder, start: Sequence[str]) -> None:
@@ -378,22 +379,3 @@ class Engine:
     def weighting(self, rung: Rung) -> Weighting:
         """Return the noise model that the whole dictionary leaves on a model that was scored."""
         return self.seen[state_of(rung.model)][1].weighting
-
-    def remainder(self, rung: Rung) -> Remainder:
-        """Examine what the model leaves."""
-        matched = Matched(self.bench.problem(rung.model), slopes(rung, self.bench))
-        closed = any(moving_references(record) for record in self.train_records)
-        training = rung.training
-        if self.bench.train is not self.bench.train_free:
-            training = compare(
-                rung.model, self.bench.train, self.bench.outputs, substeps=self.bench.substeps
-            )
-        return examine_remainder(
-            self.bench.outputs,
-            training,
-            rung.validation,
-            held_at_best(rung, self.bench) if closed else rung.held,
-            (self.bench.train, self.bench.held),
-            self.bench.differenced(rung.model),
-            matched.orders(contrast=STANDS_OUT),
-        )

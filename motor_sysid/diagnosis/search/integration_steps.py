@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.search.rung import (
     some_of,
 )
 from motor_sysid.diagnosis.search.standard_errors import honest
+from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Weighting
 from motor_sysid.estimation.batch.least_squares import (
@@ -94,6 +95,22 @@ def refined(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     rung = climb(found.model, replace(bench, substeps=steps), found.weighting, briefly=True)
     wrong = 0.0 if right else _wrong(rung, replace(some, substeps=steps))
     return rung, replace(bench, substeps=steps, wrong=wrong)
+
+
+def asked_finer(rung: Rung, tried: Sequence[Trial], bench: Bench) -> tuple[Rung, Bench]:
+    """Return a fit in steps as fine as what was tried on it asks for, if that takes finer ones.
+
+    Coarse ones follow a law that bends within a sample, that of a dead time say, so badly that
+    held-out data refuse it.
+    """
+    most = bench.substeps
+    for trial in tried:
+        model = trial.rung.model
+        most = max(most, _fine_enough(model, replace(bench, train=some_of(bench, model)))[0])
+    if most == bench.substeps:
+        return rung, bench
+    finer = replace(bench, substeps=most)
+    return climb(rung.model, finer, rung.result.weighting, briefly=True), finer
 
 
 def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult, int, bool]:

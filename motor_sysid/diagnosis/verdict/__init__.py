@@ -1,6 +1,6 @@
 """What a finished ladder says, with evidence and in plain words; no fit is changed here.
 
-In reading order: `verdict` (the rules), `evidence` (steps and candidates with their curves),
-`proof` (what speaks for the effects that were added), `blind_spots` (what the excitation hides),
-`words`, and `explain`, which puts it all together.
+In reading order: `left_over` (what a model leaves), `verdict` (the rules), `evidence` (steps and
+candidates with their curves), `proof` (what speaks for the effects that were added), `blind_spots`
+(what the excitation hides), `words`, and `explain`, which puts it all together.
 """

@@ -1,0 +1,29 @@
+"""What a fitted model leaves."""
+
+from collections.abc import Sequence
+
+from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.rung import held_at_best, Rung, slopes
+from motor_sysid.diagnosis.where.compare import compare
+from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
+from motor_sysid.estimation.batch.methods.reference import moving_references
+from motor_sysid.signals.record import Record
+
+
+def left_over(rung: Rung, bench: Bench, records: Sequence[Record]) -> Remainder:
+    """Examine what a fitted model leaves of the training `records` and of the held-out data."""
+    matched = Matched(bench.problem(rung.model), slopes(rung, bench))
+    closed = any(moving_references(record) for record in records)
+    training = rung.training
+    if bench.train is not bench.train_free:
+        training = compare(rung.model, bench.train, bench.outputs, substeps=bench.substeps)
+    return examine_remainder(
+        bench.outputs,
+        training,
+        rung.validation,
+        held_at_best(rung, bench) if closed else rung.held,
+        (bench.train, bench.held),
+        bench.differenced(rung.model),
+        matched.orders(contrast=STANDS_OUT),
+    )
