@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.search.gates import (
     gone,
     is_idle,
     misfit_of_laws,
+    TAKES_OVER,
     TOO_LITTLE,
     UNPHYSICAL,
 )
@@ -82,10 +83,10 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
 def note(
     model, key, *, gain=1.0, certain=True, deep=False, inherits=False, further=True, steady=1.0,
     sigmas=0.1, trained=4.9, mends=False, delta=1000.0, tied=0.0, held=(5.0, 4.9),
-    threshold=20.0,
+    threshold=20.0, before=(),
 ):
     old = SimpleNamespace(
-        model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=()),
+        model=SimpleNamespace(effects=('cogging_torque',) if further else (), parameters=before),
         training=SimpleNamespace(error_percent=5.0),
         held=SimpleNamespace(error_percent=held[0]),
     )
@@ -283,6 +284,20 @@ def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(further, i
     variant = SimpleNamespace(effect=effect(further), inherits=inherits)
     found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6)
     assert found == pytest.approx(least)
+
+
+@pytest.mark.parametrize(
+    ('held', 'missed'), [((60.0, 5.0), False), ((60.0, 10.0), True), ((40.0, 3.0), True)]
+)
+def test_what_a_wild_model_knew_of_a_friction_is_not_missed(held, missed):
+    """Currents that saturate the magnets look like a friction a hundred times too large."""
+    known = Model.base('brushed_dc', MOTOR).with_estimates({}, {'b': 0.01 * MOTOR['b']})
+    new = with_effect('torque_constant_saturation', {'a': 0.5, 'i_k': 1.0})
+    new = new.with_values({'b': new.parameters['b'].lower})
+    found = note(new, 'torque_constant_saturation', gain=80.0, further=False, held=held,
+                 before=known.parameters)  # fmt: skip
+    assert found.endswith(TAKES_OVER) is missed
+    assert missed or found == ''
 
 
 def test_what_takes_the_place_of_the_back_emf_is_none():

@@ -409,6 +409,9 @@ def test_what_does_away_with_a_known_friction_is_not_named():
     assert verdict(*steps) is Verdict.EFFECT_MISSING
     less = rung(1.5, friction=1e-12, effects=('a', 'b'))
     assert verdict(rung(10.0), rung(2.0, effects=('a',)), less) is Verdict.UNKNOWN_EFFECT
+    for before, said in ((49.0, Verdict.UNKNOWN_EFFECT), (51.0, Verdict.EFFECT_MISSING)):
+        assert verdict(rung(before), rung(1.05, friction=1e-12)) is said, 'what it knew'
+    assert verdict(rung(51.0), rung(6.0, friction=1e-12)) is Verdict.UNKNOWN_EFFECT
     unknown_before = rung(10.0, friction=1e-12)
     assert verdict(unknown_before, rung(1.05, friction=1e-12)) is Verdict.EFFECT_MISSING
 

@@ -66,6 +66,14 @@ they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
 NOTHING_LEFT = 1e-3
 """Parameter of the motor over what it was, below which it is nothing."""
 
+ALL_BUT_A_TRIFLE = 0.99
+"""Share of the squared held-out error that effects must explain with which a friction of the motor
+turns out to be nothing: a law may take in a little of it, and wrong ones do not explain so much
+together."""
+
+WILD_PERCENT = 50.0
+"""Held-out error from which on a model knows nothing, whatever its standard errors."""
+
 KNOWN = 0.3
 """Relative standard error of a motor's parameter below which it is known to be there."""
 
@@ -175,6 +183,11 @@ def gone(new: Model, old: Model) -> str:
         if p.logarithmic and nothing and was.sigma < KNOWN * was.value:
             return f'{p.name} ({p.description})'
     return ''
+
+
+def is_wild(rung: Rung) -> bool:
+    """Whether a model is so far off that it knows nothing of its parameters."""
+    return rung.held.error_percent > WILD_PERCENT
 
 
 def narrowed(model: Model, key: str) -> str:
@@ -323,7 +336,9 @@ def gate_note(
         return 'swings less than once within a record'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
-    if lost := gone(new.model, old.model):
+    left = new.held.error_percent**2 / max(old.held.error_percent**2, 1e-300)
+    way_out = is_wild(old) and left < 1 - ALL_BUT_A_TRIFLE
+    if not way_out and (lost := gone(new.model, old.model)):
         return f'{lost} {TAKES_OVER}'
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT

@@ -6,16 +6,19 @@ from itertools import pairwise
 import numpy as np
 
 from motor_sysid.diagnosis.result.result import Verdict
-from motor_sysid.diagnosis.search.gates import gone, HELD_BACK, SURE, UNSTEADY
+from motor_sysid.diagnosis.search.gates import (
+    ALL_BUT_A_TRIFLE,
+    gone,
+    HELD_BACK,
+    is_wild,
+    SURE,
+    UNSTEADY,
+)
 from motor_sysid.diagnosis.search.ranking import NEARLY_ALL
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.remainder import Remainder, TRIFLE_PERCENT
-
-ALL_BUT_A_TRIFLE = 0.99
-"""As `NEARLY_ALL`, for several effects with which a friction of the motor turns out to be nothing:
-a law may take in a little of it, and wrong ones do not explain so much together."""
 
 FLOOR_SURE = 0.1
 """Relative error of the square of the sensor noise that is read from the data."""
@@ -139,8 +142,8 @@ def verdict_of(
     the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
     Of several effects none may take away less than the missing physics that is left, and none may
     leave nothing of a parameter of the motor that was well known, unless several explain all but a
-    trifle and leave nothing of a shape.  Where base parameters are undetermined, what explains
-    nearly all is named all the same.
+    trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
+    are undetermined, what explains nearly all is named all the same.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -164,7 +167,7 @@ def verdict_of(
     if (structured and explained < EXPLAINED) or outweighed or doubted:
         return Verdict.UNKNOWN_EFFECT
     several = len(final.model.effects) > len(base.model.effects) + 1
-    believed = several and explained > ALL_BUT_A_TRIFLE and not structured
+    believed = explained > ALL_BUT_A_TRIFLE and ((several and not structured) or is_wild(base))
     if not believed and gone(final.model, base.model):
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
