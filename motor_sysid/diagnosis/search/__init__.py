@@ -5,5 +5,6 @@ fitted model), `gates` (whether a gain is real), `trial` (a candidate after its 
 `grid_starts`, `refit`; `confusable`, `synonyms` and `ranking` (who wins a round, and who does as
 well); `rounds`; what a climb by single effects misses: `step_ahead`, `pairs`, `exchange`; `prune`;
 how exact a fit is: `edges`, `delay_profile`, `valleys`, `standard_errors`, `feedback` (of a
-controller), `pits`, `integration_steps`; what is done to a finished ladder: `polish`, `retelling`.
+controller), `pits`, `strides`, `integration_steps`; what is done to a finished ladder: `polish`,
+`retelling`.
 """

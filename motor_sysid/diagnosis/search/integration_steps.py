@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.search.rung import (
     some_of,
 )
 from motor_sysid.diagnosis.search.standard_errors import honest
+from motor_sysid.diagnosis.search.strides import strode
 from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Weighting
@@ -203,6 +204,7 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
             begun = _begun_sharp(rung, model, bench)
         last, unsettled = _followed(begun, bench, sigma)
         blunt = np.hypot(blunt, unsettled)
+    last = strode(last, bench)
     if not right:
         runs = [_residuals(last.model, some, n) for n in (JUDGE * FINEST, steps)]
         blunt = np.hypot(blunt, moves(_differences(*runs)))

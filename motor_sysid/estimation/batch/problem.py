@@ -164,7 +164,9 @@ class Problem:
         return results
 
     @np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
-    def linearize(self, z: Array, *, parameters: bool = True) -> list[Linearization]:
+    def linearize(
+        self, z: Array, *, parameters: bool = True, stride: float | None = None
+    ) -> list[Linearization]:
         """Return residuals and derivatives of each scored stretch at one vector.
 
         Parameters
@@ -173,8 +175,10 @@ class Problem:
             (d,) vector.
         parameters:
             Whether derivatives by the vector are wanted; without, ``slope`` is empty.
+        stride:
+            Step of the differences, where outputs are rough on a finer scale.
         """
-        points, apart = self._cloud(z) if parameters else (z[np.newaxis], np.empty(0))
+        points, apart = self._cloud(z, stride) if parameters else (z[np.newaxis], np.empty(0))
         d, first = apart.size, len(points)
         cloud = np.concatenate((points, np.repeat(z[np.newaxis], 2 * len(self._open), axis=0)))
         shifts = np.zeros((len(cloud), len(self.model.kind.states)))
@@ -206,10 +210,10 @@ class Problem:
             for one in near
         )  # fmt: skip
 
-    def _cloud(self, z: Array) -> tuple[Array, Array]:
+    def _cloud(self, z: Array, stride: float | None) -> tuple[Array, Array]:
         """Return (P, d) vectors, z first and then its neighbours, and their (d,) distances."""
         lower, upper = self.box()
-        step, each = self.steps(z), np.eye(z.size, dtype=bool)
+        step, each = self.steps(z, stride), np.eye(z.size, dtype=bool)
         up, down = np.minimum(z + step, upper), np.maximum(z - step, lower)
         if self.one_sided:
             ends = np.where(up > z, up, down)
@@ -217,13 +221,15 @@ class Problem:
         both = (z[np.newaxis], np.where(each, up, z), np.where(each, down, z))
         return np.concatenate(both), up - down
 
-    def steps(self, z: Array) -> Array:
-        """Return (d,) step of the differences at a vector."""
+    def steps(self, z: Array, stride: float | None = None) -> Array:
+        """Return (d,) step of the differences at a vector, most of them a `stride` if given."""
         drives = [stretch.drive for stretch in self.stretches]
         end = max(d.start + d.dt * len(d.inputs) for d in drives)
         longest = max(d.dt for d in drives)
         values = {name: float(v[0]) for name, v in self.values(z[np.newaxis, :]).items()}
-        return difference_steps(self._sized(), self.program.effects, values, longest, end)
+        return difference_steps(
+            self._sized(), self.program.effects, values, longest, end, stride
+        )
 
     def costs(self, z: Array, weighting: Weighting, at: Sequence[Linearization]) -> Array:
         """Return (P,) weighted sums of squares of (P, d) vectors; infinite where not a number.

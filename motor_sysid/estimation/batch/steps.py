@@ -27,6 +27,7 @@ def difference_steps(
     values: Mapping[str, float],
     dt: float,
     end: float,
+    stride: float | None = None,
 ) -> Array:
     """Return (d,) steps in scaled coordinates.
 
@@ -45,11 +46,13 @@ def difference_steps(
         Where the derivatives are taken.
     dt, end:
         Longest sample and longest time since the start of a record, s.
+    stride:
+        Step of all others than delays and frequencies, where outputs are rough on a finer scale.
     """
     late = {f'{e.key}.{e.card.delay}' for e in effects if e.card.delay}
     waves = {f'{e.key}.{e.card.frequency}' for e in effects if e.card.frequency}
     strikes = any(e.card.strikes for e in effects)
-    steps = np.full(len(sized), STRIKING_STEP if strikes else DIFFERENCE_STEP)
+    steps = np.full(len(sized), stride or (STRIKING_STEP if strikes else DIFFERENCE_STEP))
     for k, (p, size) in enumerate(sized):
         if p.name in late:
             away = abs(values[p.name] / dt - round(values[p.name] / dt))

@@ -1,0 +1,58 @@
+"""Fits where derivatives over a hair lead nowhere: derivatives over longer strides.
+
+Where a current chatters about the sign of its brushes, or a rotor sticks and slips, the outputs
+are rough on every scale: over a hair a few samples jump, and a fit ends where those hold it, far
+above the least sum of squares.  Differences over a stride see past them.  (Ralston and Jennrich
+1978, Technometrics 20, for secants in place of derivatives.)
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.rung import judge, newton_step, Rung, SPOILED
+from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
+
+Array = NDArray[np.float64]
+
+STRIDES = (1e-1, 1e-2)
+"""Strides in scaled coordinates, the longest first."""
+
+MOST = 6
+"""Most steps with each."""
+
+SHARES = np.array([1.0, 0.5, 0.25])
+"""Shares of a step that are tried."""
+
+WORTH = 4.0
+"""Fall of the whitened sum of squares that is worth a step: two standard errors."""
+
+
+def strode(rung: Rung, bench: Bench) -> Rung:
+    """Return a fit followed over longer strides while its error falls; itself where it does not.
+
+    Its derivatives are then those over the longest stride that led.  It stays as well where that
+    does the held-out error harm.
+    """
+    problem, weighting = bench.problem(rung.model), rung.result.weighting
+    z, led, runs = problem.vector(), 0.0, 0
+    for stride in STRIDES:
+        for _ in range(MOST):
+            near = problem.linearize(z, stride=stride)
+            gradient, curvature, cost = normal_equations(near, weighting)
+            move = newton_step(gradient, curvature)
+            if not float(move @ gradient) > WORTH:
+                break
+            trials = np.clip(z + SHARES[:, np.newaxis] * move, *problem.box())
+            costs = problem.costs(trials, weighting, near)
+            best, runs = int(np.argmin(costs)), runs + 1
+            if not costs[best] < cost - WORTH:
+                break
+            z, led = trials[best], max(led, stride)
+    if not led:
+        return rung
+    near = problem.linearize(z, stride=led)
+    cost = normal_equations(near, weighting)[2]
+    at = Solution(z, cost, True, runs, runs, tuple(near))
+    found = judge(result_at(problem, weighting, at, runs, runs), bench, at.near)
+    return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
