@@ -190,6 +190,14 @@ def is_wild(rung: Rung) -> bool:
     return rung.held.error_percent > WILD_PERCENT
 
 
+def _missed(new: Rung, old: Rung) -> str:
+    """Return what is `gone`, or nothing where a wild model found its way out without it."""
+    left = new.held.error_percent**2 / max(old.held.error_percent**2, 1e-300)
+    if is_wild(old) and left < 1 - ALL_BUT_A_TRIFLE:
+        return ''
+    return gone(new.model, old.model)
+
+
 def narrowed(model: Model, key: str) -> str:
     """Return the title of the special case that an effect has come to, or nothing.
 
@@ -336,9 +344,7 @@ def gate_note(
         return 'swings less than once within a record'
     if limit := _at_limit(new.model, scored.variant.effect):
         return f'{limit} is at the limit of what makes sense'
-    left = new.held.error_percent**2 / max(old.held.error_percent**2, 1e-300)
-    way_out = is_wild(old) and left < 1 - ALL_BUT_A_TRIFLE
-    if not way_out and (lost := gone(new.model, old.model)):
+    if lost := _missed(new, old):
         return f'{lost} {TAKES_OVER}'
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT

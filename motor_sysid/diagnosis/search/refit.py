@@ -101,9 +101,7 @@ def try_roughly(
     kept: list[Trial] = []
     if earlier is not None:
         kept = [judged(one, _standing(earlier, bench), level, bench)]
-        known = earlier.model.parameters.values()
-        mine = {name: value for name, value in known.items() if name in model.parameters}
-        tried.append((one, model.with_values(mine)))
+        tried.append((one, _as_in(earlier.model, model)))
     anew = lost(rung.model, bench)
     if not one.variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}
@@ -133,6 +131,12 @@ def try_roughly(
         found,
         key=lambda t: (t.passes, ASTRAY * t.rung.training.error_percent < least, t.delta_bic),
     )
+
+
+def _as_in(found: Model, model: Model) -> Model:
+    """Return a model with the values of what it shares with another one."""
+    known = found.parameters.values()
+    return model.with_values({name: v for name, v in known.items() if name in model.parameters})
 
 
 def _is_above(first: FitResult, rung: Rung, bench: Bench) -> bool:
