@@ -31,6 +31,9 @@ AWAY = 2.0
 TURNS = 2
 """How many times valleys are looked for, each time with what was found before."""
 
+AGAIN = 1.5
+"""How far one must reach, in units of what derivatives say, for another look to be worth it."""
+
 LOOKS = 16
 """Directions, both ways of each, that tell whether there is a valley at all: one block of runs."""
 
@@ -133,7 +136,7 @@ def less_known(around: Around) -> Array:
             break
         reach = _reaches(around, flat.T @ root.T)
         root = root + root @ (flat * (reach - 1.0)) @ flat.T
-        if np.all(reach == 1.0):
+        if np.all(reach < AGAIN):
             break
     factors: Array = _size(root) / _size(begun)
     return np.maximum(factors, 1.0)
