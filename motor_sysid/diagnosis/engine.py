@@ -136,6 +136,7 @@ class Engine:
                 held_back = hopeful(trials, self.bench.threshold)
                 finer, self.bench = asked_finer(rung, held_back, self.bench)
                 if finer is not rung:
+                    self.tell(f'asking again in {self.bench.substeps} steps a sample')
                     rung = finer
                     continue
                 other = None if reconsidered else self.exchange().better(rung, start, rivals)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.rung import judge, newton_step, Rung, SPOILED
+from motor_sysid.estimation.batch import Problem, Weighting
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
 
 Array = NDArray[np.float64]
@@ -35,24 +36,32 @@ def strode(rung: Rung, bench: Bench) -> Rung:
     does the held-out error harm.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
-    z, led, runs = problem.vector(), 0.0, 0
+    z, led, steps = problem.vector(), 0.0, 0
+    there: Array | None = z
     for stride in STRIDES:
         for _ in range(MOST):
-            near = problem.linearize(z, stride=stride)
-            gradient, curvature, cost = normal_equations(near, weighting)
-            move = newton_step(gradient, curvature)
-            if not float(move @ gradient) > WORTH:
+            there = _step(problem, weighting, z, stride)
+            if there is None:
                 break
-            trials = np.clip(z + SHARES[:, np.newaxis] * move, *problem.box())
-            costs = problem.costs(trials, weighting, near)
-            best, runs = int(np.argmin(costs)), runs + 1
-            if not costs[best] < cost - WORTH:
-                break
-            z, led = trials[best], max(led, stride)
-    if not led:
+            z, led, steps = there, max(led, stride), steps + 1
+    if not steps:
         return rung
-    near = problem.linearize(z, stride=led)
+    near = tuple(problem.linearize(z, stride=led))
     cost = normal_equations(near, weighting)[2]
-    at = Solution(z, cost, True, runs, runs, tuple(near))
-    found = judge(result_at(problem, weighting, at, runs, runs), bench, at.near)
+    runs = (steps + 1) * (2 * z.size + 1) + steps * SHARES.size
+    at = Solution(z, cost, there is None, steps, runs, near)
+    found = judge(result_at(problem, weighting, at, runs, steps), bench, near)
     return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
+
+
+def _step(problem: Problem, weighting: Weighting, z: Array, stride: float) -> Array | None:
+    """Return the best of the places (d,) that derivatives over a stride lead to, if worth it."""
+    near = problem.linearize(z, stride=stride)
+    gradient, curvature, cost = normal_equations(near, weighting)
+    move = newton_step(gradient, curvature)
+    if not float(move @ gradient) > WORTH:  # or not a number
+        return None
+    trials: Array = np.clip(z + SHARES[:, np.newaxis] * move, *problem.box())
+    costs = problem.costs(trials, weighting, near)
+    best = int(np.argmin(costs))
+    return trials[best] if costs[best] < cost - WORTH else None
