@@ -272,15 +272,21 @@ def test_a_neighbour_accounts_for_less_than_the_truth_does():
 
 
 @pytest.mark.parametrize(
-    ('further', 'inherits', 'least'),
+    ('has', 'further', 'inherits', 'least'),
     [
-        ('iron_loss', False, 400.0),  # a function of speed, as the model's dry friction
-        ('cogging_torque', False, 0.0),  # one of position
-        ('stribeck_friction', True, 0.0),  # the same law, mended
+        ('coulomb_friction', 'iron_loss', False, 400.0),  # both are functions of speed
+        ('coulomb_friction', 'cogging_torque', False, 0.0),  # one of position
+        ('coulomb_friction', 'stribeck_friction', True, 0.0),  # the same law, mended
+        ('periodic_load', 'friction_drift', False, 400.0),  # both read the clock
+        ('periodic_load', 'flexible_shaft', False, 0.0),  # memory does not
+        ('flexible_shaft', 'current_sensor_lag', False, 400.0),  # both remember
     ],
 )
-def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(further, inherits, least):
-    model = with_effect('coulomb_friction', {'tau_c': 1e-3})
+def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(
+    has, further, inherits, least
+):
+    mine = effect(has)
+    model = with_effect(has, dict.fromkeys((p.name for p in mine.card.parameters), 1e-3))
     variant = SimpleNamespace(effect=effect(further), inherits=inherits)
     found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6)
     assert found == pytest.approx(least)

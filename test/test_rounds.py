@@ -237,6 +237,11 @@ def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
         trial('stribeck_friction', 99.0, 'gravity_load', 'stribeck_friction'),
     ]
     assert tried_instead(rung, tried) == {'backlash': wider.rung.result}
+    beside = trial('backlash', 99.0, 'gravity_load', 'inverter_dead_time', 'backlash')
+    assert tried_instead(rung, [*tried, beside]) == {'backlash': wider.rung.result}
+    assert tried_instead(rung, [beside, *tried[2:]]) == {'backlash': beside.rung.result}, (
+        'the dead time was dropped since, but where the play was found is still known'
+    )
 
 
 def test_where_much_is_left_all_that_has_evidence_gets_a_turn_with_several_starts():

@@ -265,10 +265,14 @@ def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
     """Return the gain that the misfit of a model's laws may make of a further effect.
 
     What takes the place of one of them mends its law, and what is a function of something else
-    can make up for none.
+    can make up for none.  Of what comes in time, only a law that reads the clock is one of time.
     """
-    axes = {effect(key).card.axis for key in model.effects}
-    like = scored.variant.effect.card.axis in axes and not scored.variant.inherits
+
+    def argument(one: Effect) -> tuple[str, bool]:
+        return one.card.axis, 't' in one.needs()
+
+    mine, theirs = scored.variant.effect, {argument(effect(key)) for key in model.effects}
+    like = argument(mine) in theirs and not scored.variant.inherits
     return FAITHFUL**2 * explained if like else 0.0
 
 

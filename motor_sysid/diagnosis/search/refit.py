@@ -81,8 +81,8 @@ def try_roughly(
 ) -> Trial:
     """Fit an effect from its best variants to some of the data, and judge the best on all.
 
-    It begins as well from an `earlier` fit of the same effects, if there is one, which stays where
-    nothing does better; and from the best of a grid where something is missing: a touch may have
+    It begins as well from an `earlier` fit of the effect, if there is one, which stays where
+    nothing does better if it was beside the same effects; and from the best of a grid where something is missing: a touch may have
     evidence where a noise model takes most of what is missing for noise.  Where another speed
     sensor fits better, the evidence decides: a load that comes and goes hides much of it.  With
     `give_up`, what begins above the model itself is not followed, unless that leaves much.
@@ -100,8 +100,9 @@ def try_roughly(
     one, model = tried[0]
     kept: list[Trial] = []
     if earlier is not None:
-        kept = [judged(one, _standing(earlier, bench), level, bench)]
         tried.append((one, _as_in(earlier.model, model)))
+        if set(earlier.model.effects) == set(model.effects):
+            kept = [judged(one, _standing(earlier, bench), level, bench)]
     anew = lost(rung.model, bench)
     if not one.variant.model.parameters.free:
         anew = {n: v for n, v in bench.begun.items() if rung.model.parameters[n].free}

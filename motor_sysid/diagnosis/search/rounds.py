@@ -327,12 +327,17 @@ def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
     """Return the fits in which what widens an effect of a model was tried instead of it.
 
     A narrower law that explains most of a wider one goes first; the way from its fit back to that
-    of the wider one may lead through valleys.
+    of the wider one may lead through valleys.  A fit beside effects that the model no longer has
+    is one to begin from where there is no other.
     """
     mine, found = set(rung.model.effects), {}
-    for trial in sorted(tried, key=lambda t: t.delta_bic):
+
+    def nearness(trial: Trial) -> tuple[int, float]:
+        return -len(trial.rung.model.effects), trial.delta_bic
+
+    for trial in sorted(tried, key=nearness):
         narrower = mine & set(trial.scored.variant.effect.card.generalises)
-        if narrower and set(trial.rung.model.effects) == mine - narrower | {trial.key}:
+        if narrower and set(trial.rung.model.effects) >= mine - narrower | {trial.key}:
             found[trial.key] = trial.rung.result
     return found
 
