@@ -82,10 +82,11 @@ def try_roughly(
     """Fit an effect from its best variants to some of the data, and judge the best on all.
 
     It begins as well from an `earlier` fit of the effect, if there is one, which stays where
-    nothing does better if it was beside the same effects; and from the best of a grid where something is missing: a touch may have
-    evidence where a noise model takes most of what is missing for noise.  Where another speed
-    sensor fits better, the evidence decides: a load that comes and goes hides much of it.  With
-    `give_up`, what begins above the model itself is not followed, unless that leaves much.
+    nothing does better if it was beside the same effects; and from the best of a grid where
+    something is missing: a touch may have evidence where a noise model takes most of what is
+    missing for noise.  Where another speed sensor fits better, the evidence decides: a load that
+    comes and goes hides much of it.  With `give_up`, what begins above the model itself is not
+    followed, unless that leaves much.
     """
     rung, much = level.rung, leaves_much(level.rung, bench)
     least = -np.inf if much else WORTH * max(one.gain for one in starts)
