@@ -233,3 +233,29 @@ def test_a_model_that_leaves_much_is_fitted_in_few_steps():
     assert all(one.success for one in found)
     assert max(one.iterations for one in found) < 18
     assert found[0].noise['current'] == pytest.approx(found[1].noise['current'], rel=1e-3)
+
+
+# --- fewer steps of the integration
+
+
+def test_a_problem_in_few_steps_is_right_where_it_was_asked_to_be():
+    """Cogging so fast that one step a sample follows it badly."""
+    cogging = {'a_1': 5e-2, 'b_1': 0.0, 'a_2': 0.0, 'b_2': 0.0, 'n': 40.0}
+    model = a_start().with_effect('cogging_torque', cogging)
+    data = records({**HIDDEN, 'cogging_torque': cogging}, kinds=('steps',), seconds=1.0)
+    fine = a_problem(model, data)
+    fine.substeps = 16
+    z, away = fine.vector(), 1e-3 * np.random.default_rng(0).standard_normal((8, fine.dimension))
+    few, plain = fine.in_steps(1, z), a_problem(model, data)
+    assert few.in_steps(4, z) is few, 'it has no more steps to spare'
+    weighting = fit(fine, reweight=1, iterations=1).weighting
+
+    def costs(problem: Problem) -> np.ndarray:
+        near = problem.linearize(z)
+        return problem.costs(np.concatenate((z[np.newaxis], z + away)), weighting, near)
+
+    right, corrected, wrong = costs(fine), costs(few), costs(plain)
+    assert corrected[0] == pytest.approx(right[0], rel=1e-3)
+    assert abs(wrong[0] - right[0]) > 0.03 * right[0], 'steps matter here'
+    rises, seen = right[1:] - right[0], corrected[1:] - corrected[0]
+    assert np.max(np.abs(seen - rises)) < 0.1 * np.max(np.abs(rises))

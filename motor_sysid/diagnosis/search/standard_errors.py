@@ -9,8 +9,8 @@ from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.delay_profile import with_profiled_delays
 from motor_sysid.diagnosis.search.edges import beyond_edges, edges_of
 from motor_sysid.diagnosis.search.moments import with_honest_moments
-from motor_sysid.diagnosis.search.rung import FINER, Rung, slopes
-from motor_sysid.diagnosis.search.valleys import Around, AWAY, less_known
+from motor_sysid.diagnosis.search.rung import Rung, slopes
+from motor_sysid.diagnosis.search.valleys import Around, less_known
 from motor_sysid.estimation.batch import FitResult, Problem, Weighting
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.effects import effect
@@ -21,6 +21,9 @@ Array = NDArray[np.float64]
 NEAR, POINTS = 0.05, 32
 """Distance in standard errors over which a cost that strikes make rough is looked at, and at how
 many points."""
+
+FEW = 1
+"""Integration steps per sample in which the cost around a fit is looked at."""
 
 
 def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
@@ -51,20 +54,9 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
 
 
 def _around(rung: Rung, bench: Bench) -> Around:
-    """Return the cost around a fit, in steps that are not too fine for the many runs it takes.
-
-    They must lead to about the same fit.
-    """
-    around = _seen(rung, replace(bench, substeps=min(bench.substeps, FINER)))
-    if bench.substeps > FINER and around.fall > AWAY**2:
-        return _seen(rung, bench)
-    return around
-
-
-def _seen(rung: Rung, bench: Bench) -> Around:
-    """Return the cost around a fit in the steps of `bench`."""
-    near = slopes(rung, bench)
-    return Around(bench.problem(rung.model), rung.result.weighting, tuple(near))
+    """Return the cost around a fit, in few steps: only differences between neighbours count."""
+    problem, near = bench.problem(rung.model), tuple(slopes(rung, bench))
+    return Around(problem.in_steps(FEW, problem.vector()), rung.result.weighting, near)
 
 
 def profiled(model: Model) -> set[str]:

@@ -6,12 +6,14 @@ above the least sum of squares.  Differences over a stride see past them.  (Rals
 1978, Technometrics 20, for secants in place of derivatives.)
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.rung import judge, newton_step, Rung, SPOILED
-from motor_sysid.estimation.batch import Problem, Weighting
+from motor_sysid.estimation.batch import Linearization, Problem, Weighting
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
 
 Array = NDArray[np.float64]
@@ -36,27 +38,30 @@ def strode(rung: Rung, bench: Bench) -> Rung:
     does the held-out error harm.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
-    z, led, steps = problem.vector(), 0.0, 0
-    there: Array | None = z
+    z, led, steps, settled = problem.vector(), 0.0, 0, False
+    seen: dict[float, Sequence[Linearization]] = {}
     for stride in STRIDES:
         for _ in range(MOST):
-            there = _step(problem, weighting, z, stride)
+            seen[stride] = problem.linearize(z, stride=stride)
+            there = _step(problem, weighting, z, seen[stride])
+            settled = there is None
             if there is None:
                 break
-            z, led, steps = there, max(led, stride), steps + 1
+            z, led, steps, seen = there, max(led, stride), steps + 1, {}
     if not steps:
         return rung
-    near = tuple(problem.linearize(z, stride=led))
+    near = tuple(seen.get(led) or problem.linearize(z, stride=led))
     cost = normal_equations(near, weighting)[2]
-    runs = (steps + 1) * (2 * z.size + 1) + steps * SHARES.size
-    at = Solution(z, cost, there is None, steps, runs, near)
+    runs = (steps + len(STRIDES)) * (2 * z.size + 1) + steps * SHARES.size
+    at = Solution(z, cost, settled, steps, runs, near)
     found = judge(result_at(problem, weighting, at, runs, steps), bench, near)
     return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
 
 
-def _step(problem: Problem, weighting: Weighting, z: Array, stride: float) -> Array | None:
-    """Return the best of the places (d,) that derivatives over a stride lead to, if worth it."""
-    near = problem.linearize(z, stride=stride)
+def _step(
+    problem: Problem, weighting: Weighting, z: Array, near: Sequence[Linearization]
+) -> Array | None:
+    """Return the best of the places (d,) that derivatives at one lead to, if worth it."""
     gradient, curvature, cost = normal_equations(near, weighting)
     move = newton_step(gradient, curvature)
     if not float(move @ gradient) > WORTH:  # or not a number

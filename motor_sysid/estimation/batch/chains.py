@@ -68,6 +68,11 @@ class Stretch:
         """The (K, n_y) measured outputs whose error counts."""
         return self.measured[self.scored_from :]
 
+    def moved(self, change: Array) -> 'Stretch':
+        """Return the stretch with a (K, n_y) change added to what is judged."""
+        unscored = self.measured[: self.scored_from]
+        return replace(self, measured=np.concatenate((unscored, self.judged + change)))
+
 
 Chain = tuple[Stretch, ...]
 """Stretches that follow each other in time: the memory of effects carries on."""

@@ -163,6 +163,27 @@ class Problem:
             ]
         return results
 
+    def in_steps(self, substeps: int, z: Array) -> 'Problem':
+        """Return this problem in fewer steps of the integration, as right at a vector (d,).
+
+        What these steps do wrong there is taken out of the data: residuals at the vector are those
+        of this problem, and near it they differ by what a small move changes of a small error.
+        """
+        if substeps >= self.substeps:
+            return self
+        coarse = Problem(
+            self.model, self.chains, self.outputs, substeps=substeps, threads=self.threads,
+            prior=self.prior, one_sided=self.one_sided,
+        )  # fmt: skip
+        right, wrong = (one.simulate(z[np.newaxis]) for one in (self, coarse))
+        changes = iter([a[:, :, 0] - b[:, :, 0] for a, b in zip(right, wrong, strict=True)])
+        coarse.chains = tuple(
+            tuple(one.moved(-next(changes)) if one.scored else one for one in chain)
+            for chain in self.chains
+        )
+        coarse.stretches = [s for chain in coarse.chains for s in chain if s.scored]
+        return coarse
+
     @np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
     def linearize(
         self, z: Array, *, parameters: bool = True, stride: float | None = None
