@@ -74,8 +74,8 @@ noise model that took what is missing for noise sees little else."""
 
 WORTH_IT = 0.2 * MIN_FURTHER_GAIN_PERCENT
 """Fall of the held-out error after a rough fit, in percent, from which on a further effect is
-fitted to all of the data though the model leaves nothing but noise: it must come to five times as
-much."""
+fitted to all of the data though the model leaves nothing but noise, or though nothing passes: it
+must come to five times as much."""
 
 
 def scored(rung: Rung, bench: Bench, candidates: Sequence[Effect], tell: Tell) -> Scores:
@@ -169,7 +169,8 @@ def refitted(
             tell(f'nothing helps, and much is left: trying {len(further)} effects more')
             trials += pool.map(roughly, further)
             chosen += further
-            trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench))
+            least = WORTH_IT if rung.model.effects else 0.0
+            trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench), least)
         trials = _beside_the_best(trials, level, bench, pool)
         trials = _special_cases_settled(trials, level, bench)
         most = max((trial.delta_bic for trial in trials), default=0.0)
@@ -307,16 +308,20 @@ def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
 
 
 def _again(
-    trials: Sequence[Trial], chosen: Sequence[Sequence[Scored]], fit: Callable[[Scored], Trial]
+    trials: Sequence[Trial],
+    chosen: Sequence[Sequence[Scored]],
+    fit: Callable[[Scored], Trial],
+    least: float,
 ) -> list[Trial]:
     """Return the trials, those that lower the held-out error most after another fit.
 
-    What began at the best of a grid has been everywhere.
+    They must lower it by more than the `least`, in percent.  What began at the best of a grid has
+    been everywhere.
     """
     first = [one[0] for one in chosen if not one[0].variant.effect.card.grid]
     starts = {one.variant.effect.key: one for one in first}
     possible = [
-        t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > 0.0
+        t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > least
     ]
     best = sorted(possible, key=lambda t: -t.gain_percent)[:THOROUGH]
     fitted = {t.key: fit(starts[t.key]) for t in best}
