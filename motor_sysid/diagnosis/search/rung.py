@@ -39,6 +39,9 @@ HOPELESS = 1.5
 """Sum of squares with another speed sensor, after one step from where the fit is, in units of what
 it must come to, from which on no fit is tried."""
 
+BEATEN = 1.01
+"""The same after a brief fit, from which on none in full is tried."""
+
 SPOILED = 1.02
 """Held-out error over what it was, from which on another fit counts for less, whatever its
 evidence: a fit in full of what was tried briefly, that ran off along what the training data do not
@@ -249,7 +252,10 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
             now = replace(rung, result=replace(rung.result, model=model), near=())
             if profile_cost(now, bench, weighting)[0] > HOPELESS * least:
                 continue
-            other = climb(model, bench, weighting)
+            brief = climb(model, bench, weighting, briefly=True)
+            if profile_cost(brief, bench, weighting)[0] > BEATEN * least:
+                continue
+            other = climb(brief.model, bench, weighting)
             cost = profile_cost(other, bench, weighting)[0]
             if cost < least and np.isfinite(other.held.error_percent):
                 best, least = other, cost
