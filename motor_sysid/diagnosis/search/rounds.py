@@ -63,7 +63,6 @@ SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
 this much behind it, or if it is a wider or a narrower form of the winner: it is no rival."""
 
-
 OUTSHINES = 20.0
 """Fall of the held-out error, in percent, with which what has no evidence outshines what has some
 and lowers that error by less than `MIN_FURTHER_GAIN_PERCENT`."""
@@ -336,11 +335,7 @@ def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
     is one to begin from where there is no other.
     """
     mine, found = set(rung.model.effects), {}
-
-    def nearness(trial: Trial) -> tuple[int, float]:
-        return -len(trial.rung.model.effects), trial.delta_bic
-
-    for trial in sorted(tried, key=nearness):
+    for trial in sorted(tried, key=lambda t: (-len(t.rung.model.effects), t.delta_bic)):
         narrower = mine & set(trial.scored.variant.effect.card.generalises)
         if narrower and set(trial.rung.model.effects) >= mine - narrower | {trial.key}:
             found[trial.key] = trial.rung.result
