@@ -184,12 +184,12 @@ def copy(wide, values, target):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def largest(wide, values):  # type: ignore[no-untyped-def]
-    """Return the largest of (W,) values, none of which is negative."""
-    most = 0.0
+def positive(wide, values):  # type: ignore[no-untyped-def]
+    """Return how many of (W,) values are positive."""
+    count = 0
     for k in range(wide):
-        most = max(most, values[k])
-    return most
+        count += 1 if values[k] > 0.0 else 0
+    return count
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)

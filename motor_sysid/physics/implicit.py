@@ -72,14 +72,17 @@ def call_stiff(wide, base, calls, count, forces, j):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def secants(  # type: ignore[no-untyped-def]
-    wide, p, w, base, calls, count, forces, state_rows, force_rows, own_state, x, predicted, begun,
-    secant,
+    wide, p, w, base, calls, count, forces, answers, state_rows, force_rows, own_state, x,
+    predicted, begun, secant,
 ):  # fmt: skip
-    """Set `secant` (m, W) to the slope of each equation's stiff laws in its own state, or zero.
+    """Set `secant` (m, W) to the slope of the stiff laws of equations that `answers` marks.
 
-    The state `x` (n, W) is loaded; `begun` (m, W) holds the stiff laws there.  `w` is work memory.
+    That is their slope in the own state of the equation.  The state `x` (n, W) is loaded; `begun`
+    (m, W) holds the stiff laws there.  `w` is work memory.
     """
     for j in range(own_state.shape[0]):
+        if not answers[j]:
+            continue
         own, target = own_state[j], force_rows[j] * LANES
         row = state_rows[own] * LANES
         for k in range(wide):
@@ -125,7 +128,7 @@ def prepare(  # type: ignore[no-untyped-def]
         w[_START + k] = start[j, k]
     for k in range(wide):
         w[JUMP + k] = begun[j, k]
-    count = 0.0
+    count = 0
     for k in range(wide):
         p2, p1, steep = w[_PHI2 + k], w[_PHI1 + k], w[_STEEP + k]
         stiff = (p2 - p1) * steep > HARD
@@ -140,7 +143,7 @@ def prepare(  # type: ignore[no-untyped-def]
         w[_SIDE + k] = 0.0
         w[_D + k] = c / (1.0 - weight * steep)
     for k in range(wide):
-        count += w[HARD_ROW + k]
+        count += 1 if w[HARD_ROW + k] > 0.0 else 0  # whole numbers are summed side by side
     return count
 
 
@@ -195,17 +198,18 @@ def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def mark_turned(wide, w, j, begun, state, turned):  # type: ignore[no-untyped-def]
+def mark_turned(wide, w, j, begun, own, state, turned):  # type: ignore[no-untyped-def]
     """Raise `turned` (W,) in lanes in which the stiff laws of equation `j` have turned.
 
-    `begun` (W,) holds them at the beginning of the step, row `JUMP` their change, `state` (W,)
-    their own state.  It grows steadily from 0 to 1, so that differences between lanes stay
-    smooth.
+    `begun` (m, W) holds them at the beginning of the step, row `JUMP` their change, row `own` of
+    `state` (n, W) their own state.  It grows steadily from 0 to 1, so that differences between
+    lanes stay smooth.
     """
     law, largest = MOST + j * LANES, _LARGEST + j * LANES
     for k in range(wide):
-        w[law + k] = max(w[law + k], abs(begun[k]))
-        w[largest + k] = max(w[largest + k], abs(state[k]))
+        w[law + k] = max(w[law + k], abs(begun[j, k]))
+    for k in range(wide):
+        w[largest + k] = max(w[largest + k], abs(state[own, k]))
     for k in range(wide):
         change = abs(w[JUMP + k])
         turn = ramp(change / (w[law + k] + 1e-300), TURNS[0], TURNS[1])

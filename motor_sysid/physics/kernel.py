@@ -44,8 +44,8 @@ from motor_sysid.physics.buffer import (
     evaluate_rates,
     hold_input,
     keep,
-    largest,
     load_state,
+    positive,
     put,
     remember,
     swap,
@@ -140,19 +140,24 @@ def run_block(  # type: ignore[no-untyped-def]
     n_memory, n_jumps = memory_offset.shape[0], jump_calls.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
     work = np.empty((3, LANES))
+    # one array each: loops over rows of one and the same would not be vectorized
     predicted, previous = np.empty((n, LANES)), state.copy()
-    begun, secant, start = np.zeros((3, m, LANES))
-    ended, jump, share = np.zeros((3, m, LANES))
+    begun, secant, start = np.zeros((m, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES))
+    ended, jump, share = np.zeros((m, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES))
     w = as_pointer(base + 8 * (buffer.shape[0] - ROWS * LANES))
-    old_memory, old_rate, next_memory, kept = np.empty((4, n_memory + 1, LANES))
+    old_memory, old_rate = np.empty((n_memory + 1, LANES)), np.empty((n_memory + 1, LANES))
+    next_memory, kept = np.empty((n_memory + 1, LANES)), np.empty((n_memory + 1, LANES))
     all_in = np.zeros((whole.shape[2], LANES))
     x, u, before = all_in[:n], all_in[n : n + n_u], all_in[n + n_u : n + n_u + m]
     x[:] = state
     answers = np.zeros(m, dtype=np.bool_)
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
-    now, h, here, there, passed, turned, begins, since = np.zeros((8, LANES))
-    rough, old = np.empty((2, n, LANES))
+    now, h, begins, since = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    here, there, passed, turned = (
+        np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
+    )  # fmt: skip
+    rough, old = np.empty((n, LANES)), np.empty((n, LANES))
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = speed_row = -1
     for j in range(n):
@@ -251,8 +256,8 @@ def run_block(  # type: ignore[no-untyped-def]
             if stiff_count > 0:
                 put(wide, p, memory_offset, old_memory)
                 secants(
-                    wide, p, w, base, lane_calls, stiff_count, stiff_force, state_rows, force_rows,
-                    own_state, x, predicted, begun, secant,
+                    wide, p, w, base, lane_calls, stiff_count, stiff_force, answers, state_rows,
+                    force_rows, own_state, x, predicted, begun, secant,
                 )  # fmt: skip
                 put(wide, p, memory_offset, next_memory)
 
@@ -283,7 +288,7 @@ def run_block(  # type: ignore[no-untyped-def]
                 row = force_rows[j] * LANES
                 for k in range(wide):
                     ended[j, k] = p[row + k] - before[j, k]
-            hard = 0.0
+            hard = 0
             for j in range(m):
                 if not answers[j]:
                     continue
@@ -291,7 +296,8 @@ def run_block(  # type: ignore[no-untyped-def]
                     wide, w, j, own_state[j], predicted, ended, begun, start, secant,
                     phi1_force, phi2_force, piece,
                 )  # fmt: skip
-                row = state_rows[own_state[j]] * LANES
+                own = own_state[j]
+                row = state_rows[own] * LANES
                 settle(
                     wide, p, base, lane_calls, stiff_count, stiff_force, j, row,
                     force_rows[j] * LANES, w,
@@ -301,15 +307,15 @@ def run_block(  # type: ignore[no-untyped-def]
                 for k in range(wide):
                     share[j, k] = w[HARD_ROW + k]
                 for k in range(wide):
-                    p[row + k] = predicted[own_state[j], k]
+                    p[row + k] = predicted[own, k]
                 if fine > 0 and finer == 0:
-                    mark_turned(wide, w, j, begun[j], predicted[own_state[j]], turned)
+                    mark_turned(wide, w, j, begun, own, predicted, turned)
             for j in range(m):
                 if answers[j]:
                     for k in range(wide):
                         ended[j, k] += jump[j, k] - (start[j, k] - begun[j, k])
             correct(wide, x, predicted, phi2_force, piece, ended)
-            if hard > 0.0:
+            if hard > 0:
                 push_late(wide, x, phi1_force, phi2_force, piece, share, jump)
             if n_jumps > 0:
                 load_state(
@@ -319,7 +325,7 @@ def run_block(  # type: ignore[no-untyped-def]
                     wide, p, base, x, jump_calls, jump_state, jump_rows, lane_calls, n_lanes,
                     force_rows, secant,
                 )  # fmt: skip
-            if fine > 0 and finer == 0 and largest(wide, turned) > 0.0:
+            if fine > 0 and finer == 0 and positive(wide, turned) > 0:
                 copy(wide, x, rough)
                 copy(wide, old, x)
                 swap(wide, p, memory_offset, kept)
