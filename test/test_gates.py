@@ -8,6 +8,7 @@ from bench_motor import records
 import numpy as np
 import pytest
 
+from motor_sysid.diagnosis.search import rung as rungs
 from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
 from motor_sysid.diagnosis.search.gates import (
     gate_note,
@@ -78,6 +79,20 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
     wrong = climb(replace(rung.model, speed_sensor=other), bench)
     assert with_better_sensor(wrong, bench, rung.result.weighting).model.speed_sensor is right
     assert with_better_sensor(rung, bench, rung.result.weighting) is rung
+
+
+def test_a_speed_sensor_that_a_brief_fit_speaks_against_is_not_fitted_in_full(monkeypatch):
+    bench, rung = fitted(differenced=False)
+    briefly = []
+
+    def noted(*args, **options):
+        briefly.append(options.get('briefly', False))
+        return climb(*args, **options)
+
+    monkeypatch.setattr(rungs, 'HOPELESS', np.inf)  # so that it is tried at all
+    monkeypatch.setattr(rungs, 'climb', noted)
+    assert with_better_sensor(rung, bench, rung.result.weighting) is rung
+    assert briefly == [True]
 
 
 def note(

@@ -244,6 +244,17 @@ def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
     )
 
 
+def test_only_what_gains_enough_after_a_rough_fit_is_fitted_again():
+    singles = {key: a_score(key, 9.0, finite=False) for key in ('iron_loss', 'quadratic_drag')}
+    trials = [
+        SimpleNamespace(key=key, note='', gain_percent=gain)
+        for key, gain in (('iron_loss', 0.6), ('quadratic_drag', 1.4))
+    ]
+    chosen = [[one] for one in singles.values()]
+    for least, again in ((0.0, ['anew', 'anew']), (1.0, [trials[0], 'anew'])):
+        assert rounds._again(trials, chosen, lambda one: 'anew', least) == again
+
+
 def test_where_much_is_left_all_that_has_evidence_gets_a_turn_with_several_starts():
     singles = [
         a_score('quadratic_drag', 50.0, finite=False),

@@ -106,8 +106,7 @@ def phis(z):  # type: ignore[no-untyped-def]
     """Return ``(exp(z) - 1) / z`` and ``(exp(z) - 1 - z) / z^2`` for z up to 0.
 
     Without a branch or a call of exp, which would keep loops from being vectorized: a series for
-    z / 64, its argument doubled six times by the rules of these functions.  (Higham, Functions of
-    Matrices, 2008, section 10.7.4.)
+    z / 64, its argument doubled six times, as in `motor_sysid.physics.exponential`.
     """
     r = max(z, -_FAR) / 64.0
     second = 1.0 / 479001600.0

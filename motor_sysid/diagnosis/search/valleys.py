@@ -95,11 +95,6 @@ class Around:
         """Cost at the centre."""
         return float(self._costs(self.centre[np.newaxis])[0])
 
-    @property
-    def fall(self) -> float:
-        """How much lower the derivatives see the least cost."""
-        return float(np.sum((self.told[0] @ self.root) ** 2))
-
     @cached_property
     def root(self) -> Array:
         """(d, d) moves of one standard error each, as the derivatives have it."""

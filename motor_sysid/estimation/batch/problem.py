@@ -168,21 +168,23 @@ class Problem:
 
         What these steps do wrong there is taken out of the data: residuals at the vector are those
         of this problem, and near it they differ by what a small move changes of a small error.
+        With no fewer `substeps` a sample it is this problem itself.
         """
         if substeps >= self.substeps:
             return self
-        coarse = Problem(
-            self.model, self.chains, self.outputs, substeps=substeps, threads=self.threads,
-            prior=self.prior, one_sided=self.one_sided,
-        )  # fmt: skip
-        right, wrong = (one.simulate(z[np.newaxis]) for one in (self, coarse))
-        changes = iter([a[:, :, 0] - b[:, :, 0] for a, b in zip(right, wrong, strict=True)])
-        coarse.chains = tuple(
-            tuple(one.moved(-next(changes)) if one.scored else one for one in chain)
+
+        def coarse(chains: Sequence[Chain]) -> Problem:
+            return Problem(
+                self.model, chains, self.outputs, substeps=substeps, threads=self.threads,
+                prior=self.prior, one_sided=self.one_sided,
+            )  # fmt: skip
+
+        right, wrong = (one.simulate(z[np.newaxis]) for one in (self, coarse(self.chains)))
+        wrongs = iter([b[:, :, 0] - a[:, :, 0] for a, b in zip(right, wrong, strict=True)])
+        return coarse([
+            tuple(one.moved(next(wrongs)) if one.scored else one for one in chain)
             for chain in self.chains
-        )
-        coarse.stretches = [s for chain in coarse.chains for s in chain if s.scored]
-        return coarse
+        ])
 
     @np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
     def linearize(
