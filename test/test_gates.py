@@ -20,7 +20,12 @@ from motor_sysid.diagnosis.search.gates import (
     UNPHYSICAL,
 )
 from motor_sysid.diagnosis.search.rounds import accounted
-from motor_sysid.diagnosis.search.rung import climb, profile_cost, with_better_sensor
+from motor_sysid.diagnosis.search.rung import (
+    climb,
+    profile_cost,
+    with_better_sensor,
+    within_reach,
+)
 from motor_sysid.diagnosis.search.trial import Level
 from motor_sysid.estimation.batch import coloured
 from motor_sysid.physics.effects import effect
@@ -33,7 +38,7 @@ from motor_sysid.signals.record import Record
 MOTOR = {'R': 1.2, 'L': 1.5e-3, 'k_t': 0.055, 'J': 8e-5, 'b': 3e-5}
 
 
-def fitted(*, differenced: bool):
+def fitted(*, differenced: bool, noise: float = 1.0):
     """Return the bench and the fit of a linear motor; speed is shown or differenced."""
     t = 1e-3 * np.arange(4000)
     rng = np.random.default_rng(2)
@@ -44,8 +49,8 @@ def fitted(*, differenced: bool):
     speed = np.diff(angle, prepend=angle[0]) / 1e-3 if differenced else run.outputs['speed']
     columns = {
         'voltage': volts,
-        'current': run.outputs['current'] + 0.02 * rng.standard_normal(t.size),
-        'speed': speed + 0.3 * rng.standard_normal(t.size),
+        'current': run.outputs['current'] + 0.02 * noise * rng.standard_normal(t.size),
+        'speed': speed + 0.3 * noise * rng.standard_normal(t.size),
     }
     record = Record(t, columns, {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'})
     kind = motor('brushed_dc')
@@ -79,6 +84,16 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
     wrong = climb(replace(rung.model, speed_sensor=other), bench)
     assert with_better_sensor(wrong, bench, rung.result.weighting).model.speed_sensor is right
     assert with_better_sensor(rung, bench, rung.result.weighting) is rung
+
+
+def test_a_parameter_that_is_far_off_takes_two_steps_where_noise_is_low(monkeypatch):
+    bench, rung = fitted(differenced=True, noise=0.1)
+    weighting, far = rung.result.weighting, {'L': 1.5 * rung.model['L']}
+    most = rungs.HOPELESS * profile_cost(rung, bench, weighting)[0]
+    assert within_reach(rung.model.with_values(far), bench, weighting, most)
+    monkeypatch.setattr(rungs, 'STEPS', 1)
+    assert not within_reach(rung.model.with_values(far), bench, weighting, most)
+    assert within_reach(rung.model, bench, weighting, most)
 
 
 def test_a_speed_sensor_that_a_brief_fit_speaks_against_is_not_fitted_in_full(monkeypatch):

@@ -35,9 +35,10 @@ BRIEF, FULL = 1e-5, 1e-7
 FINER = 4
 """Most integration steps per sample while candidates are tried, where one is not enough."""
 
-HOPELESS = 1.5
-"""Sum of squares with another speed sensor, after one step from where the fit is, in units of what
-it must come to, from which on no fit is tried."""
+HOPELESS, STEPS = 1.5, 2
+"""Sum of squares with another speed sensor, after so many steps from where the fit is, in units of
+what it must come to, from which on no fit is tried.  Where noise is low and a parameter far
+off, one step is not all: base parameters make up for a sensor that is not theirs."""
 
 BEATEN = 1.01
 """The same after a brief fit, from which on none in full is tried."""
@@ -249,8 +250,7 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     for sensor in bench.sensors:
         if sensor is not rung.model.speed_sensor:
             model = replace(rung.model, speed_sensor=sensor)
-            now = replace(rung, result=replace(rung.result, model=model), near=())
-            if profile_cost(now, bench, weighting)[0] > HOPELESS * least:
+            if not within_reach(model, bench, weighting, HOPELESS * least):
                 continue
             brief = climb(model, bench, weighting, briefly=True)
             if profile_cost(brief, bench, weighting)[0] > BEATEN * least:
@@ -260,6 +260,21 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
             if cost < least and np.isfinite(other.held.error_percent):
                 best, least = other, cost
     return best
+
+
+def within_reach(model: Model, bench: Bench, weighting: Weighting, most: float) -> bool:
+    """Whether some undamped steps from where a model is promise a cost of `most` or less."""
+    for _ in range(STEPS):
+        problem = bench.problem(model)
+        now = problem.vector()
+        gradient, curvature, cost = normal_equations(problem.linearize(now), weighting)
+        step = newton_step(gradient, curvature)
+        if cost - float(step @ gradient) <= most:
+            return True
+        if not np.all(np.isfinite(step)):
+            return False
+        model = problem.model_at(now + step)
+    return False
 
 
 def vanished(model: Model, key: str) -> bool:
