@@ -24,6 +24,7 @@ from motor_sysid.benchmark.targets import (
     named_as_well,
     named_first,
     rates,
+    runs_as_well,
     visible,
 )
 from motor_sysid.diagnosis.result.result import Verdict
@@ -131,6 +132,15 @@ def test_a_special_case_that_runs_as_well_is_counted_apart():
     assert not named_first(result(('lugre_friction',), after=2.03, **stribeck))
     assert not named_as_well(result(('quadratic_drag',), after=2.0, **stribeck))
     assert named_as_well(result(('stribeck_friction',), after=9.0, **stribeck))
+
+
+def test_a_part_of_two_effects_that_runs_as_well_is_counted_apart():
+    two = ('lugre_friction', 'speed_sensor_offset')
+    part = {'outcome': Outcome.PART, 'reference': 2.0}
+    assert runs_as_well(result(two, after=2.03, **part))
+    assert not runs_as_well(result(two, after=2.05, **part))
+    assert runs_as_well(result(two, outcome=Outcome.RIGHT, after=2.05, reference=2.0))
+    assert not runs_as_well(result(two, outcome=Outcome.EXTRA, after=2.0, reference=2.0))
 
 
 def test_an_effect_is_visible_if_the_true_structure_runs_better():

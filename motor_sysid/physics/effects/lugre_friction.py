@@ -23,7 +23,7 @@ CARD = Card(
         Shape('omega_s', 'rad/s', 'speed at which half of the rise is gone', Scale.SPEED, (0.1,),
               0.005, 1.5),
         Shape('z_s', 'rad', 'bend at which the bristles slip', Scale.ANGLE,
-              (0.05, 0.3, 1.5), 2e-2, 50.0),
+              (0.05, 0.3, 1.5), 2e-3, 50.0),
         Shape('t_b', 's', 'bristle damping over bristle stiffness', Scale.SAMPLE, (1.0,),
               0.05, 50.0, free=False),
     ),
