@@ -208,6 +208,10 @@ class Card:
         for it.
     repeats:
         How many times a model may hold it, each time with shapes of its own.
+    filter:
+        Name of the amplitude that is the time constant (s) of a filter of first order whose output
+        is its own state and all that the sensor shows.  What is differenced from sample to sample
+        passes it in the same way.
     covers:
         Motor parameter that does the same; where a fit may change that, nothing is missing.
     linear:
@@ -252,6 +256,7 @@ class Card:
     moment: str = ''
     frequency: str = ''
     repeats: int = 1
+    filter: str = ''
     covers: str = ''
     linear: bool = False
     pace: str = ''

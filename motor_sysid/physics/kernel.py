@@ -62,6 +62,7 @@ from motor_sysid.physics.implicit import (
 )
 from motor_sysid.physics.native import as_pointer, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
+from motor_sysid.physics.readings import hold_shown, shares, show
 from motor_sysid.physics.track import follow, meet
 
 CHUNK = 3
@@ -78,7 +79,7 @@ def run_block(  # type: ignore[no-untyped-def]
     lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
     linear, slope_calls, slope_force, slope_rows, sensor_calls,
     jump_calls, jump_state, jump_rows,
-    output_state, output_rate, output_bias, output_sensor, outputs,
+    output_state, output_rate, output_bias, output_sensor, output_filter, outputs,
 ):  # fmt: skip
     """Simulate one block and write its outputs.
 
@@ -131,6 +132,8 @@ def run_block(  # type: ignore[no-untyped-def]
     linear, slope_calls, ...:
         The linear motor, and laws that read the rate of change of their own equation; see
         `motor_sysid.physics.own_states.add_rate_laws`.
+    output_state, output_rate, output_bias, output_sensor, output_filter:
+        What sensors show; see `motor_sysid.physics.readings`.
     outputs:
         (N - first, n_y, W) model outputs at the sample times.
     """
@@ -170,6 +173,8 @@ def run_block(  # type: ignore[no-untyped-def]
         for k in range(wide):  # before the first sample: as if the speed had been held
             previous[position_row, k] -= dt * x[speed_row, k]
     time_at = time_row * LANES
+    share_in = np.empty(LANES)
+    filters = shares(wide, p, output_filter, dt, share_in)
 
     for sample in range(first, count):
         for k in range(wide):
@@ -184,7 +189,7 @@ def run_block(  # type: ignore[no-untyped-def]
             call_all(wide, base, sensor_calls, 0, sensor_calls.shape[0])
         show(
             wide, p, x, previous, 1.0 / dt, output_state, output_rate, output_bias, output_sensor,
-            sensor_calls.shape[0] > 0, outputs, sample - first,
+            output_filter, share_in, sensor_calls.shape[0] > 0, outputs, sample - first,
         )  # fmt: skip
         if follows and half > 0.0:
             meet(wide, position, places, sample, here)
@@ -339,26 +344,9 @@ def run_block(  # type: ignore[no-untyped-def]
                     continue
                 blend(wide, x, rough, p, memory_offset, kept, turned)
             step, finer = step + 1, 0
+    if filters:
+        hold_shown(wide, x, previous, output_filter)
     state[:] = x
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def show(  # type: ignore[no-untyped-def]
-    wide, p, x, previous, rate, state, differenced, bias, sensor, sensed, out, at
-):  # fmt: skip
-    """Write the outputs (n_y, W) of the sample at row `at`."""
-    for y in range(out.shape[1]):
-        j, add = state[y], bias[y] * LANES
-        if differenced[y]:
-            for k in range(wide):
-                out[at, y, k] = (x[j, k] - previous[j, k]) * rate + p[add + k]
-        else:
-            for k in range(wide):
-                out[at, y, k] = x[j, k] + p[add + k]
-        if sensed:
-            row = sensor[y] * LANES
-            for k in range(wide):
-                out[at, y, k] += p[row + k]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)

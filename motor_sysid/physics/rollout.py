@@ -25,6 +25,7 @@ from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.pace import Pace
+from motor_sysid.physics.readings import filter_of, NONE, placed
 from motor_sysid.physics.side_by_side import run_side_by_side
 from motor_sysid.physics.threads import shared
 from motor_sysid.physics.workspace import (
@@ -146,7 +147,8 @@ class Program:
         known = {output.signal: output for output in self.kind.outputs}
         motor_names = [p.name for p in self.kind.parameters]
         zero_row = self._rows - 1
-        states, differenced, bias, sensor = [], [], [], []
+        states, differenced, bias, sensor, filters = [], [], [], [], []
+        rows = dict(zip(self.names, self._parameter_rows.tolist(), strict=True))
         for signal in self.outputs:
             if signal not in known:
                 raise UserError(f'a {self.kind.title} model does not predict `{signal}`')
@@ -158,7 +160,11 @@ class Program:
                 FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
             )
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
-        self._outputs = tuple(integers(v) for v in (states, differenced, bias, sensor))
+            filters.append(filter_of(f'{signal}_sensor', self.effects, rows) if late else NONE)
+        self._outputs = (
+            *map(integers, (states, differenced, bias, sensor)),
+            placed(filters, len(self.kind.states), self._core_rows),
+        )
         self.tells_angle = any(
             self.kind.states[j] == 'theta' and not late
             for j, late in zip(states, differenced, strict=True)

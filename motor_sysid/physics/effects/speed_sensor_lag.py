@@ -16,6 +16,7 @@ CARD = Card(
     axis='time',
     states=('omega_f',),
     begins={'omega_f': 'omega'},
+    filter='lag',
     linear=True,
 )  # fmt: skip
 
