@@ -22,6 +22,9 @@ class SpeedSensor(Enum):
     DIFFERENCE = 'difference'
     """The difference of the position over the last sample, half a sample late."""
 
+    SAMPLED = 'sampled'
+    """The speed at the sample time; a filter of it takes sample by sample, as a drive does."""
+
 
 _LINEAR_UNITS = (('kg m^2', 'kg'), ('N m', 'N'), ('rad', 'm'))
 """What units of a rotary motor become on a linear axis, in this order."""
@@ -160,17 +163,25 @@ class Model:
         due = not one.after or one.after in self.effects
         return due and one.key not in self.effects and self.admits(one)
 
+    @property
+    def filters_speed(self) -> bool:
+        """Whether the speed passes a filter, which may take sample by sample."""
+        mine = map(self.effect, self.effects)
+        return any(one.card.filter and 'speed_sensor' in one.laws for one in mine)
+
     def without_effect(self, key: str) -> 'Model':
         """Return the model with one effect less."""
         if key not in self.effects:
             have = ', '.join(self.effects) or 'none'
             raise UserError(f'the model has no `{key}`; it has {have}')
         names = [p.name for p in self.parameters if p.name.startswith(f'{key}.')]
-        return replace(
+        less = replace(
             self,
             effects=tuple(k for k in self.effects if k != key),
             parameters=self.parameters.without(names),
         )
+        idle = self.speed_sensor is SpeedSensor.SAMPLED and not less.filters_speed
+        return replace(less, speed_sensor=SpeedSensor.IDEAL) if idle else less
 
     def with_values(self, values: Mapping[str, float]) -> 'Model':
         """Return the model with other parameter values."""

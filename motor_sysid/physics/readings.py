@@ -1,12 +1,12 @@
 """Parts of the time step: what the sensors show at a sample.
 
-A speed that is the difference of encoder counts over the last sample may pass a low pass of the
-drive, which filters these differences one by one,
+A drive that filters a speed takes it sample by sample, be it the difference of encoder counts over
+the last sample or the speed itself,
 
     y' = y + (1 - exp(-dt / lag)) (d - y).
 
-That is not what a filter of the speed itself makes of it, which also sees how the speed changes
-within a sample.  (Astrom and Wittenmark, Computer-Controlled Systems, 1997, chapter 2.)
+That is not what a filter ahead of the samples makes of it, which also sees how the speed changes
+within one.  (Astrom and Wittenmark, Computer-Controlled Systems, 1997, chapter 2.)
 """
 
 from collections.abc import Mapping, Sequence

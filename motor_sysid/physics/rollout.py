@@ -160,7 +160,9 @@ class Program:
                 FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
             )
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
-            filters.append(filter_of(f'{signal}_sensor', self.effects, rows) if late else NONE)
+            stepwise = signal == 'speed' and self.speed_sensor is not SpeedSensor.IDEAL
+            found = filter_of(f'{signal}_sensor', self.effects, rows) if stepwise else NONE
+            filters.append(found)
         self._outputs = (
             *map(integers, (states, differenced, bias, sensor)),
             placed(filters, len(self.kind.states), self._core_rows),

@@ -112,6 +112,13 @@ class Bench:
         """Return the problem of fitting a model to the training data."""
         return Problem(model, self.train, self.outputs, substeps=self.substeps)
 
+    def other_sensors(self, model: Model) -> list[SpeedSensor]:
+        """Return the other kinds of speed sensor that are worth trying with a model."""
+        known = self.sensors
+        if SpeedSensor.IDEAL in known and 'speed' in self.outputs and model.filters_speed:
+            known += (SpeedSensor.SAMPLED,)
+        return [sensor for sensor in known if sensor is not model.speed_sensor]
+
     def differenced(self, model: Model) -> list[bool]:
         """Return of each output whether its noise is that of differenced counts."""
         late = model.speed_sensor is SpeedSensor.DIFFERENCE

@@ -120,7 +120,7 @@ def try_roughly(
 
     here = min((begun(one, model) for one, model in tried), key=lambda fit: misfit(fit[2]))
     one, model, _ = here
-    others = [sensor for sensor in bench.sensors if sensor is not rung.model.speed_sensor]
+    others = bench.other_sensors(model)
     beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
     if give_up and not much and not kept and _is_above(best[2], rung, race):

@@ -247,18 +247,17 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     An effect could otherwise win by the sensor that was tried with it.
     """
     best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
-    for sensor in bench.sensors:
-        if sensor is not rung.model.speed_sensor:
-            model = replace(rung.model, speed_sensor=sensor)
-            if not within_reach(model, bench, weighting, HOPELESS * least):
-                continue
-            brief = climb(model, bench, weighting, briefly=True)
-            if profile_cost(brief, bench, weighting)[0] > BEATEN * least:
-                continue
-            other = climb(brief.model, bench, weighting)
-            cost = profile_cost(other, bench, weighting)[0]
-            if cost < least and np.isfinite(other.held.error_percent):
-                best, least = other, cost
+    for sensor in bench.other_sensors(rung.model):
+        model = replace(rung.model, speed_sensor=sensor)
+        if not within_reach(model, bench, weighting, HOPELESS * least):
+            continue
+        brief = climb(model, bench, weighting, briefly=True)
+        if profile_cost(brief, bench, weighting)[0] > BEATEN * least:
+            continue
+        other = climb(brief.model, bench, weighting)
+        cost = profile_cost(other, bench, weighting)[0]
+        if cost < least and np.isfinite(other.held.error_percent):
+            best, least = other, cost
     return best
 
 
