@@ -7,6 +7,7 @@ from bench_motor import MOTOR as BENCH_MOTOR
 from bench_motor import records
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.search import rung as rungs
 from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
@@ -94,6 +95,39 @@ def test_a_parameter_that_is_far_off_takes_two_steps_where_noise_is_low(monkeypa
     monkeypatch.setattr(rungs, 'STEPS', 1)
     assert not within_reach(rung.model.with_values(far), bench, weighting, most)
     assert within_reach(rung.model, bench, weighting, most)
+
+
+@pytest.mark.parametrize('stepwise', [True, False])
+def test_the_filter_of_a_drive_is_told_from_one_ahead_of_the_samples(stepwise):
+    """It takes the speed sample by sample; the other one is reckoned in steps of 0.1 ms."""
+    fine, lag = 1e-4 * np.arange(40_000), 4e-3
+    rng = np.random.default_rng(2)
+    volts = np.repeat(rng.uniform(-12, 12, 80), 500)
+    drive = Record(fine, {'voltage': volts}, {'voltage': 'V'})
+    run = simulate(Model.base('brushed_dc', MOTOR), drive)
+    speed, dt = (run.outputs['speed'][::10], 1e-3) if stepwise else (run.outputs['speed'], 1e-4)
+    share = 1 - np.exp(-dt / lag)
+    late = lfilter([share], [1, share - 1], speed)
+    columns = {
+        'voltage': volts[::10],
+        'current': run.outputs['current'][::10] + 0.005 * rng.standard_normal(4000),
+        'speed': (late if stepwise else late[::10]) + 0.05 * rng.standard_normal(4000),
+    }
+    record = Record(fine[::10], columns, {'voltage': 'V', 'current': 'A', 'speed': 'rad/s'})
+    kind = motor('brushed_dc')
+    bench = make_bench([record], [], kind)
+    base = base_fit([record], kind, bench.train, bench.outputs, {}).model
+    bench = with_scales(bench, base)
+    model = base.with_effect('speed_sensor_lag', {'lag': lag})
+    right, wrong = SpeedSensor.SAMPLED, SpeedSensor.IDEAL
+    if not stepwise:
+        right, wrong = wrong, right
+    rung, other = (climb(replace(model, speed_sensor=one), bench) for one in (right, wrong))
+    weighting = rung.result.weighting
+    assert with_better_sensor(rung, bench, weighting) is rung
+    assert with_better_sensor(other, bench, weighting).model.speed_sensor is right
+    assert rung.model['speed_sensor_lag.lag'] == pytest.approx(lag, rel=0.02)
+    assert SpeedSensor.SAMPLED not in bench.other_sensors(base), 'without a filter it is the same'
 
 
 def test_a_speed_sensor_that_a_brief_fit_speaks_against_is_not_fitted_in_full(monkeypatch):

@@ -1,11 +1,12 @@
 """The integrator against independent ones, and the motors against the textbook."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import cont2discrete
+from scipy.signal import cont2discrete, lfilter
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics import workspace
@@ -243,6 +244,59 @@ def test_a_differenced_speed_is_half_a_sample_late():
     late = simulate(Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.DIFFERENCE), record)
     expected = np.diff(ideal.outputs['position']) / DT
     np.testing.assert_allclose(late.outputs['speed'][1:], expected, atol=1e-9)
+
+
+def passed(speed, lag):
+    """Return (N,) speed behind a low pass that takes sample by sample."""
+    share = 1 - np.exp(-DT / (lag + 1e-7))
+    zi = [(1 - share) * speed[0]]
+    return lfilter([share], [1, share - 1], speed, zi=zi)[0]
+
+
+@pytest.mark.parametrize('sensor', [SpeedSensor.DIFFERENCE, SpeedSensor.SAMPLED])
+@pytest.mark.parametrize('beside', [(), ('coulomb_friction',)])
+def test_a_drive_filters_the_speed_sample_by_sample(sensor, beside):
+    record = random_steps()
+    model = Model.base('brushed_dc', MOTOR, speed_sensor=sensor)
+    for key in beside:
+        model = model.with_effect(key, {'tau_c': 4e-3})
+    lagging = model.with_effect('speed_sensor_lag', {'lag': 3 * DT})
+    speed, late = (simulate(m, record, ['speed']).outputs['speed'] for m in (model, lagging))
+    np.testing.assert_allclose(late, passed(speed, 3 * DT), atol=1e-9)
+    smooth = simulate(replace(lagging, speed_sensor=SpeedSensor.IDEAL), record, ['speed'])
+    assert np.max(np.abs(smooth.outputs['speed'] - late)) > 1e-4 * np.max(np.abs(late))
+    none = simulate(lagging.with_values({'speed_sensor_lag.lag': 0.0}), record, ['speed'])
+    np.testing.assert_allclose(none.outputs['speed'], speed, rtol=1e-4, atol=1e-6)
+
+
+def test_what_has_passed_a_filter_is_carried_over_stretches():
+    """A filter that ran on between two stretches would take one sample twice."""
+    model = Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.SAMPLED)
+    model = model.with_effect('speed_sensor_lag', {'lag': 5 * DT})
+    program = Program.of(model, ['current', 'speed'])
+    drive = Drive(random_steps(400)['voltage'][:, np.newaxis], DT)
+    values = {name: np.array([v]) for name, v in model.parameters.values().items()}
+    whole = program.run(values, drive, np.zeros(3))[:, 1, 0]
+    ideal = Program.of(model.without_effect('speed_sensor_lag'), ['current', 'speed', 'position'])
+    plain = ideal.run(values, drive, np.zeros(3))[:, :, 0]
+    half = Drive(drive.inputs[:200], DT), Drive(drive.inputs[200:], DT, start=200 * DT)
+    first, second = program.run_chain(values, half, [np.zeros(3), plain[200]])
+    found = np.concatenate((first, second))[:, 1, 0]
+    np.testing.assert_allclose(found, whole, atol=1e-9)
+
+
+def test_a_speed_that_no_filter_takes_is_the_ideal_one():
+    model = Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.SAMPLED)
+    model = model.with_effect('speed_sensor_lag', {'lag': DT})
+    assert model.filters_speed
+    plain = model.without_effect('speed_sensor_lag')
+    assert plain.speed_sensor is SpeedSensor.IDEAL
+    assert not plain.filters_speed
+    counted = replace(model, speed_sensor=SpeedSensor.DIFFERENCE)
+    kept = counted.without_effect('speed_sensor_lag').speed_sensor
+    assert kept is SpeedSensor.DIFFERENCE
+    other = model.with_effect('coulomb_friction', {'tau_c': 1e-3})
+    assert other.without_effect('coulomb_friction').speed_sensor is SpeedSensor.SAMPLED
 
 
 def test_the_reduced_motor_is_the_motor_without_inductance():

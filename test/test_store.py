@@ -77,7 +77,7 @@ def test_a_hand_written_file_needs_little():
         ('value: 1.5', 'value: big', 'give a number'),
         ('value: 1.5', 'valeu: 1.5', 'unknown entry of parameter `R` `valeu`'),
         ('  R:', '  R_a:', 'unknown parameter `R_a`'),
-        ('speed_sensor: ideal', 'speed_sensor: good', 'ideal or difference'),
+        ('speed_sensor: ideal', 'speed_sensor: good', 'ideal, difference or sampled'),
         ('linear: false', 'linear: no way', 'true or false'),
         ('schema', '{schema', 'not a YAML file'),
         ('effects:', 'efects:', 'unknown entry `efects`'),

@@ -43,7 +43,8 @@ class IdentifierSettings:
     )  # fmt: skip
     speed_sensor: str = parameter(
         'difference', 'How the drive measures speed, where there is no model_file: as the '
-        'difference of the position over the last sample, or ideally.', '',
+        'difference of the position over the last sample, or ideally; sampled: ideally, and a '
+        'filter of it takes sample by sample.', '',
         choices=tuple(sensor.value for sensor in SpeedSensor),
     )  # fmt: skip
     msg_config: str = parameter(

@@ -156,8 +156,8 @@ def _sensor(value: object) -> SpeedSensor:
     for sensor in SpeedSensor:
         if sensor.value == value:
             return sensor
-    known = ' or '.join(sensor.value for sensor in SpeedSensor)
-    raise UserError(f'`speed_sensor` is {value!r}; give {known}')
+    *known, last = (sensor.value for sensor in SpeedSensor)
+    raise UserError(f'`speed_sensor` is {value!r}; give {", ".join(known)} or {last}')
 
 
 def _flag(value: object, name: str) -> bool:

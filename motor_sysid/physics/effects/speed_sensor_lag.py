@@ -1,4 +1,7 @@
-"""The speed is shown late: a tachometer's filter, or the low pass of a drive's estimate."""
+"""The speed is shown late: a tachometer's filter, or the low pass of a drive's estimate.
+
+A drive may filter sample by sample: then `motor_sysid.physics.readings` stands for the law.
+"""
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
 
