@@ -272,7 +272,7 @@ def within_reach(model: Model, bench: Bench, weighting: Weighting, most: float) 
             return True
         if not np.all(np.isfinite(step)):
             return False
-        model = problem.model_at(now + step)
+        model = problem.model_at(np.clip(now + step, *problem.box()))
     return False
 
 
