@@ -292,6 +292,8 @@ def test_a_speed_that_no_filter_takes_is_the_ideal_one():
     plain = model.without_effect('speed_sensor_lag')
     assert plain.speed_sensor is SpeedSensor.IDEAL
     assert not plain.filters_speed
+    assert plain.with_speed_sensor(SpeedSensor.SAMPLED) == plain
+    assert plain.with_speed_sensor(SpeedSensor.DIFFERENCE).speed_sensor is SpeedSensor.DIFFERENCE
     counted = replace(model, speed_sensor=SpeedSensor.DIFFERENCE)
     kept = counted.without_effect('speed_sensor_lag').speed_sensor
     assert kept is SpeedSensor.DIFFERENCE

@@ -180,8 +180,12 @@ class Model:
             effects=tuple(k for k in self.effects if k != key),
             parameters=self.parameters.without(names),
         )
-        idle = self.speed_sensor is SpeedSensor.SAMPLED and not less.filters_speed
-        return replace(less, speed_sensor=SpeedSensor.IDEAL) if idle else less
+        return less.with_speed_sensor(self.speed_sensor)
+
+    def with_speed_sensor(self, sensor: SpeedSensor) -> 'Model':
+        """Return the model with a speed sensor; one that filters without a filter is ideal."""
+        idle = sensor is SpeedSensor.SAMPLED and not self.filters_speed
+        return replace(self, speed_sensor=SpeedSensor.IDEAL if idle else sensor)
 
     def with_values(self, values: Mapping[str, float]) -> 'Model':
         """Return the model with other parameter values."""

@@ -274,7 +274,7 @@ def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:
 
 def _beside(trial: Trial, rung: Rung) -> Trial:
     """Return a trial as it was fitted on another model, with the effects of this one alone."""
-    model = replace(trial.rung.model, speed_sensor=rung.model.speed_sensor)
+    model = trial.rung.model
     for key in model.effects:
         if key != trial.key and key not in rung.model.effects:
             model = model.without_effect(key)
@@ -282,4 +282,5 @@ def _beside(trial: Trial, rung: Rung) -> Trial:
         if key not in model.effects and model.lacks(effect(key)):
             values = {name: one[0] for name, one in parameters_of(rung.model, key).items()}
             model = model.with_effect(key, values)
+    model = model.with_speed_sensor(rung.model.speed_sensor)
     return replace(trial, rung=replace(rung, result=replace(rung.result, model=model), near=()))

@@ -121,7 +121,7 @@ def try_roughly(
     here = min((begun(one, model) for one, model in tried), key=lambda fit: misfit(fit[2]))
     one, model, _ = here
     others = bench.other_sensors(model)
-    beside = [begun(one, replace(model, speed_sensor=sensor)) for sensor in others]
+    beside = [begun(one, model.with_speed_sensor(sensor)) for sensor in others]
     best = min((here, *beside), key=lambda fit: misfit(fit[2]))
     if give_up and not much and not kept and _is_above(best[2], rung, race):
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
@@ -216,7 +216,7 @@ def try_beside(trial: Trial, other: Trial, level: Level, bench: Bench) -> Trial:
     found, size = other.rung.model, model.parameters[f'{trial.key}.{mine.name}']
     values = {p.name: found[p.name] for p in level.rung.model.parameters.free}
     values[size.name] = float(np.clip(found[f'{other.key}.{theirs.name}'], size.lower, size.upper))
-    model = replace(model.with_values(values), speed_sensor=found.speed_sensor)
+    model = model.with_values(values).with_speed_sensor(found.speed_sensor)
     rough = rough_fit(model, other.rung.result.weighting, bench, ROUGH_STEPS)
     again = judged(trial.scored, _standing(rough, bench), level, bench)
     return again if again.delta_bic > trial.delta_bic else trial

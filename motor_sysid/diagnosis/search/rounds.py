@@ -265,7 +265,7 @@ def _begun_where(trial: Trial, model: Model) -> Model:
             f'{key}.{narrow}': found[f'{trial.key}.{wide}']
             for wide, narrow in card.generalises[key]
         }
-    return replace(model.with_values(values), speed_sensor=found.speed_sensor)
+    return model.with_values(values).with_speed_sensor(found.speed_sensor)
 
 
 def straightened(

@@ -248,7 +248,7 @@ def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
     """
     best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
     for sensor in bench.other_sensors(rung.model):
-        model = replace(rung.model, speed_sensor=sensor)
+        model = rung.model.with_speed_sensor(sensor)
         if not within_reach(model, bench, weighting, HOPELESS * least):
             continue
         brief = climb(model, bench, weighting, briefly=True)
