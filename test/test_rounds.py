@@ -12,15 +12,20 @@ from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
 from motor_sysid.diagnosis.candidates.variants import variants
 from motor_sysid.diagnosis.search import rounds
 from motor_sysid.diagnosis.search.bench import make_bench
+from motor_sysid.diagnosis.search.further import (
+    passed_over,
+    resembling,
+    tried_again,
+    unpromised,
+)
 from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.search.rounds import (
     led_back,
     outdone,
-    passed_over,
     promising,
+    scored,
     straightened,
     tried_instead,
-    unpromised,
     unseen,
 )
 from motor_sysid.diagnosis.search.rung import climb, judge
@@ -246,13 +251,39 @@ def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
 
 def test_only_what_gains_enough_after_a_rough_fit_is_fitted_again():
     singles = {key: a_score(key, 9.0, finite=False) for key in ('iron_loss', 'quadratic_drag')}
-    trials = [
-        SimpleNamespace(key=key, note='', gain_percent=gain)
-        for key, gain in (('iron_loss', 0.6), ('quadratic_drag', 1.4))
-    ]
+
+    def trial(key, evidence, gain=0.0, error=1.0):
+        training = SimpleNamespace(error_percent=error)
+        rung = SimpleNamespace(training=training)
+        return SimpleNamespace(
+            key=key, note='', passes=False, gain_percent=gain, delta_bic=evidence, rung=rung
+        )
+
+    trials = [trial('iron_loss', 10.0, 0.6), trial('quadratic_drag', 10.0, 1.4)]
     chosen = [[one] for one in singles.values()]
-    for least, again in ((0.0, ['anew', 'anew']), (1.0, [trials[0], 'anew'])):
-        assert rounds._again(trials, chosen, lambda one: 'anew', least) == again
+    anew = {one.key: trial(one.key, 20.0) for one in trials}
+
+    def fitted(one):
+        return anew[one.variant.effect.key]
+
+    first, second = anew.values()
+    for least, again in ((0.0, [first, second]), (1.0, [trials[0], second])):
+        assert tried_again(trials, chosen, fitted, least) == again
+    anew['iron_loss'] = trial('iron_loss', 9.0)
+    anew['quadratic_drag'] = trial('quadratic_drag', 99.0, error=1.2)
+    assert tried_again(trials, chosen, fitted, 0.0) == trials, 'what is worse is not taken'
+
+
+def test_what_the_error_looks_like_gets_a_turn_whatever_a_noise_model_makes_of_it():
+    """Drag looks as much like it, but for its sign, and a load in the voltage not at all."""
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'))
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    keys = ['coulomb_friction', 'cogging_torque', 'quadratic_drag', 'inductance_saturation']
+    blind = scored(rung, bench, [effect(key) for key in keys], lambda text: None)
+    assert {starts[0].variant.effect.key for starts in resembling(rung, bench, blind, set())} == {
+        'coulomb_friction'
+    }
+    assert not resembling(rung, bench, blind, {'coulomb_friction'})
 
 
 def test_where_much_is_left_all_that_has_evidence_gets_a_turn_with_several_starts():

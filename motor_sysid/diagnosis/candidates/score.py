@@ -99,6 +99,8 @@ def score(
     z: Array,
     tried: Sequence[Variant],
     near: Sequence[Linearization] = (),
+    *,
+    whitened: bool = True,
 ) -> Scores:
     """Score variants on a fitted model.
 
@@ -110,6 +112,9 @@ def score(
         Variants to score.
     near:
         Residuals and derivatives of the fitted model, if they are known.
+    whitened:
+        Whether the noise model is fitted to what the dictionary leaves; else errors count as they
+        are, each output's in units of its size.
     """
     near = near or problem.linearize(z)
     added = columns(problem, tried)
@@ -122,7 +127,7 @@ def score(
     starts = [one.start for one in near]
     weighting = white([one.residual for one in near])
     some, some_starts = _windows(raw), _windows(starts)
-    for _ in range(PASSES):
+    for _ in range(PASSES if whitened else 0):
         weighting = _whitened(some, some_starts, weighting)
     first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)

@@ -3,8 +3,8 @@
 In reading order: `bench` (records, motor kind and scales, ready to fit), `moments`, `rung` (a
 fitted model), `gates` (whether a gain is real), `trial` (a candidate after its refit),
 `grid_starts`, `refit`; `confusable`, `synonyms` and `ranking` (who wins a round, and who does as
-well); `rounds`; what a climb by single effects misses: `step_ahead`, `pairs`, `exchange`; `prune`;
-how exact a fit is: `edges`, `delay_profile`, `valleys`, `standard_errors`, `feedback` (of a
-controller), `pits`, `strides`, `integration_steps`; what is done to a finished ladder: `polish`,
-`retelling`.
+well); `further` (what is tried where nothing helps), `rounds`; what a climb by single effects
+misses: `step_ahead`, `pairs`, `exchange`; `prune`; how exact a fit is: `edges`, `delay_profile`,
+`valleys`, `standard_errors`, `feedback` (of a controller), `pits`, `strides`, `integration_steps`;
+what is done to a finished ladder: `polish`, `retelling`.
 """

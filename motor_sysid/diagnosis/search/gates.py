@@ -106,7 +106,7 @@ explain alone: the first one, and further ones, which may be the misfit of the f
 DEEP, DEEP_SHARE = 2.0, 0.8
 """Whitened variance, in units of the noise, that no misfit of a law leaves, and the share of what
 is beyond the noise that an effect takes away, for it to be believed however little it lowers an
-error that is nearly all noise."""
+error that is nearly all noise; so is what takes away as much of less and leaves only noise."""
 
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""
@@ -320,7 +320,7 @@ def gate_note(
     certain:
         Whether the whitened held-out error falls beyond doubt.
     deep:
-        Whether, more than that, it was far above the noise and comes near it; see `DEEP`.
+        Whether, more than that, it was above the noise and comes near it; see `DEEP`.
     duration:
         Time of the longest record, s.
     asked:

@@ -127,10 +127,14 @@ def try_roughly(
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
-    found += kept
-    least = min(trial.rung.training.error_percent for trial in found)
+    return better_of(*found, *kept)
+
+
+def better_of(*trials: Trial) -> Trial:
+    """Return the best of several fits of one effect."""
+    least = min(trial.rung.training.error_percent for trial in trials)
     return max(
-        found,
+        trials,
         key=lambda t: (t.passes, ASTRAY * t.rung.training.error_percent < least, t.delta_bic),
     )
 

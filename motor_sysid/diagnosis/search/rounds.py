@@ -1,6 +1,6 @@
 """One round of a diagnosis: score every candidate on a fitted model, refit the best."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import math
@@ -11,6 +11,12 @@ from motor_sysid.diagnosis.candidates.proposals import proposals
 from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
 from motor_sysid.diagnosis.candidates.variants import variants
 from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.further import (
+    passed_over,
+    resembling,
+    tried_again,
+    unpromised,
+)
 from motor_sysid.diagnosis.search.gates import (
     ALIKE,
     MIN_FURTHER_GAIN_PERCENT,
@@ -32,7 +38,6 @@ from motor_sysid.diagnosis.search.refit import (
     leads_lower,
     of_a_kind,
     settled,
-    STARTS,
     try_beside,
     try_roughly,
     try_thoroughly,
@@ -55,9 +60,6 @@ Tell = Callable[[str], None]
 
 WORKERS = 2
 """Refits that may run at the same time; what they find does not depend on it."""
-
-THOROUGH = 3
-"""Effects that are fitted in full if nothing passes and the model leaves much."""
 
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
@@ -165,11 +167,15 @@ def refitted(
         if thorough and not helps(trials) and is_lost(rung, bench, base):
             further = passed_over(scores, {trial.key for trial in trials})
             further = further if base is None else further[:limit]
+            keys = {trial.key for trial in trials} | {one[0].variant.effect.key for one in further}
+            further += resembling(rung, bench, scores, keys)
             tell(f'nothing helps, and much is left: trying {len(further)} effects more')
             trials += pool.map(roughly, further)
             chosen += further
             least = WORTH_IT if rung.model.effects else 0.0
-            trials = _again(trials, chosen, lambda one: try_thoroughly(one, level, bench), least)
+            trials = tried_again(
+                trials, chosen, lambda one: try_thoroughly(one, level, bench), least
+            )
         trials = _beside_the_best(trials, level, bench, pool)
         trials = _special_cases_settled(trials, level, bench)
         most = max((trial.delta_bic for trial in trials), default=0.0)
@@ -229,7 +235,7 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
     The parameters of a model may end in a valley far astray.  What then gains by an amplitude that
     is nothing, or impossible, and more than all that passes, has but found the way out; and so has
     a wider law that ends where it is the model's own, and maybe what lowers the training error
-    most.
+    most and does not pass.
     """
     most = max((t.delta_bic for t in trials if t.passes), default=bench.threshold)
     nothing = [
@@ -240,8 +246,9 @@ def led_back(trials: Sequence[Trial], rung: Rung, bench: Bench, weighting: Weigh
     nothing += [t for t in trials if t.passes and t.scored.variant.inherits and is_special(t)]
     lowest = min(trials, key=lambda t: t.rung.training.error_percent, default=None)
     ways = [max(nothing, key=lambda t: t.gain_percent)] if nothing else []
-    if lowest and lowest.rung.training.error_percent < ASTRAY * rung.training.error_percent:
-        ways += [lowest] if lowest not in ways else []
+    if lowest and not lowest.passes and lowest not in ways:
+        falls = lowest.rung.training.error_percent < ASTRAY * rung.training.error_percent
+        ways += [lowest] if falls else []
     best, least = rung, profile_cost(rung, bench, weighting)[0]
     for way in ways:
         begun = _begun_where(way, rung.model)
@@ -306,27 +313,6 @@ def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
     return leaves_much(rung, bench)
 
 
-def _again(
-    trials: Sequence[Trial],
-    chosen: Sequence[Sequence[Scored]],
-    fit: Callable[[Scored], Trial],
-    least: float,
-) -> list[Trial]:
-    """Return the trials, those that lower the held-out error most after another fit.
-
-    They must lower it by more than the `least`, in percent.  What began at the best of a grid has
-    been everywhere.
-    """
-    first = [one[0] for one in chosen if not one[0].variant.effect.card.grid]
-    starts = {one.variant.effect.key: one for one in first}
-    possible = [
-        t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > least
-    ]
-    best = sorted(possible, key=lambda t: -t.gain_percent)[:THOROUGH]
-    fitted = {t.key: fit(starts[t.key]) for t in best}
-    return [fitted.get(t.key, t) for t in trials]
-
-
 def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
     """Return the fits in which what widens an effect of a model was tried instead of it.
 
@@ -340,33 +326,6 @@ def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
         if narrower and set(trial.rung.model.effects) >= mine - narrower | {trial.key}:
             found[trial.key] = trial.rung.result
     return found
-
-
-def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
-    """Return the starts of effects, but for those that were tried, whose score promises nothing.
-
-    A finite trial (a delay, a lag) is scored beside base parameters that may have gone far astray
-    to make up for the effect: an inductance, say, for the lag of a sensor.
-    """
-    finite = [
-        one for one in scores.singles
-        if not one.variant.model.parameters.free and one.variant.effect.key not in tried
-    ]  # fmt: skip
-    return best_per_effect(finite, len(finite))
-
-
-def passed_over(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
-    """Return the starts of effects that have evidence and were not among the best.
-
-    Where the motor's parameters have gone far astray, a small touch of what is missing may tell
-    less than touches of much else, and little of its shape.
-    """
-    further = [
-        one for one in scores.singles
-        if one.variant.effect.key not in tried and one.delta_bic > 0.0 and one.allowed
-    ]  # fmt: skip
-    keys = dict.fromkeys(one.variant.effect.key for one in further)
-    return [[one for one in further if one.variant.effect.key == key][:STARTS] for key in keys]
 
 
 def accounted(base: Rung, last: Rung, bench: Bench, weighting: Weighting) -> float:

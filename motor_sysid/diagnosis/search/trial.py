@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from motor_sysid.diagnosis.candidates.matched_filter import TOP_ORDER
-from motor_sysid.diagnosis.candidates.score import Scored
+from motor_sysid.diagnosis.candidates.score import AR_ORDER, Scored
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
     DEEP,
     DEEP_SHARE,
     gate_note,
+    HALVED,
     INEXACT,
     is_certain,
     MENDED,
@@ -22,11 +23,13 @@ from motor_sysid.diagnosis.search.gates import (
     MORE,
     NO_EVIDENCE,
     steadiness,
+    SURE_GAIN,
     TORN,
     WORN,
 )
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes
 from motor_sysid.estimation.batch import Linearization, Weighting
+from motor_sysid.estimation.batch.weighting import coloured
 from motor_sysid.physics.effect import Effect
 
 ONLY_NOISE = 1.02
@@ -131,17 +134,20 @@ class Level:
         noise = min(float(self.rows), after) if widens else float(self.rows)
         return self.cost > SURELY_MORE * noise
 
+    def clears(self, after: float) -> bool:
+        """Whether what leaves `after` leaves nothing but noise where there was more."""
+        beyond = self.cost - self.rows
+        torn = self.cost > TORN * self.rows or (
+            self.cost > WORN * self.rows and self.cost - after > DEEP_SHARE * beyond
+        )
+        return torn and after < MENDED * self.rows
+
     def mends(self, after: float) -> bool:
         """Whether a wider law that leaves `after` does more than follow the narrow one's effect.
 
         It leaves nothing but noise where there was more, or adds much to what is explained.
         """
-        beyond = self.cost - self.rows
-        torn = self.cost > TORN * self.rows or (
-            self.cost > WORN * self.rows and self.cost - after > DEEP_SHARE * beyond
-        )
-        all_of_it = torn and after < MENDED * self.rows
-        return all_of_it or self.cost - after > MORE * self.explained > 0.0
+        return self.clears(after) or self.cost - after > MORE * self.explained > 0.0
 
     def gain(self, new: Rung, bench: Bench) -> float:
         """Return the gain in BIC of a fitted model with more parameters."""
@@ -164,14 +170,17 @@ def judged(
     kept = replace(new, near=tuple(near)) if near else new
     after, _ = profile_cost(kept, bench, level.weighting)
     delta = level.gain(kept, bench)
-    delta -= searching(scored.variant.effect, rows // len(bench.outputs))
     gain = 100 * (1 - combined_error(new.held, rung.held))
+    halved = new.training.error_percent < HALVED * rung.training.error_percent
+    if delta < bench.threshold and halved and gain > SURE_GAIN:
+        delta = max(delta, gain_of_likelihood(kept, rung, bench))
+    delta -= searching(scored.variant.effect, rows // len(bench.outputs))
     steady = steadiness(rung.held, new.held)
     share = (level.cost - after) / max(level.cost - rows, 1e-300)
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     small = small and (not rung.model.effects or level.leaves(scored.variant.inherits, after))
     certain = small and is_certain(rung.held, new.held, level.weighting)
-    deep = certain and share > DEEP_SHARE and level.cost > DEEP * rows
+    deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or level.clears(after))
     mends = level.mends(after)
     inexact = max(
         misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
@@ -184,6 +193,25 @@ def judged(
     if note == NO_EVIDENCE and delta > bench.threshold:
         note = INEXACT
     return Trial(scored, new, delta, gain, steady, note, after / rows)
+
+
+def gain_of_likelihood(new: Rung, old: Rung, bench: Bench) -> float:
+    """Return the gain in BIC over a smaller model, each under the noise model of its own errors.
+
+    The one that the whole dictionary leaves knows nothing where a sharp law is far from right: its
+    jumps are all that it sees.  What an own noise model swallows of an effect makes this gain
+    smaller, never larger.
+    """
+    likelihood = []
+    for rung in (new, old):
+        errors = [one.residual for one in slopes(rung, bench)]
+        own = coloured(errors, AR_ORDER)
+        squares = sum(float(np.sum(own.flat(e[:, :, np.newaxis]) ** 2)) for e in errors)
+        count = sum(len(e) for e in errors)
+        likelihood.append(squares + 2.0 * count * float(np.sum(np.log(own.sigma))))
+    extra = len(new.model.parameters.free) - len(old.model.parameters.free)
+    rows = count * len(bench.outputs)
+    return likelihood[1] - likelihood[0] - extra * float(np.log(rows))
 
 
 Ladder = list[tuple[Rung, list[Trial]]]

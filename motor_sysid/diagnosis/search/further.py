@@ -1,0 +1,83 @@
+"""What else is tried where nothing helps and much is left.
+
+Then parameters may be far astray, and the noise model of the whole dictionary may take what is
+missing for noise: scores tell little of which effect it is, and evidence is weighed anew.
+"""
+
+from collections.abc import Callable, Sequence, Set
+
+from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gates import UNPHYSICAL
+from motor_sysid.diagnosis.search.refit import best_per_effect, better_of, STARTS
+from motor_sysid.diagnosis.search.rung import Rung, slopes
+from motor_sysid.diagnosis.search.trial import Trial
+
+THOROUGH = 3
+"""Effects that are fitted in full if nothing passes and the model leaves much."""
+
+RESEMBLES = 0.05
+"""Share of the squared training error, as it is, that a touch of an effect must explain to be
+tried for its resemblance."""
+
+
+def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
+    """Return the starts of effects, but for those that were tried, whose score promises nothing.
+
+    A finite trial (a delay, a lag) is scored beside base parameters that may have gone far astray
+    to make up for the effect: an inductance, say, for the lag of a sensor.
+    """
+    finite = [
+        one for one in scores.singles
+        if not one.variant.model.parameters.free and one.variant.effect.key not in tried
+    ]  # fmt: skip
+    return best_per_effect(finite, len(finite))
+
+
+def passed_over(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
+    """Return the starts of effects that have evidence and were not among the best.
+
+    Where the motor's parameters have gone far astray, a small touch of what is missing may tell
+    less than touches of much else, and little of its shape.
+    """
+    further = [
+        one for one in scores.singles
+        if one.variant.effect.key not in tried and one.delta_bic > 0.0 and one.allowed
+    ]  # fmt: skip
+    keys = dict.fromkeys(one.variant.effect.key for one in further)
+    return [[one for one in further if one.variant.effect.key == key][:STARTS] for key in keys]
+
+
+def resembling(rung: Rung, bench: Bench, scores: Scores, tried: Set[str]) -> list[list[Scored]]:
+    """Return the starts of effects, but for those that were tried, that the error looks like.
+
+    As it is, that is, whatever a noise model makes of it: where another law is sharp and not right
+    yet, its jumps are all that a whitened error shows, and a constant friction passes for noise.
+    """
+    problem, near = bench.problem(rung.model), slopes(rung, bench)
+    variants = [one.variant for one in scores.singles if one.variant.effect.key not in tried]
+    found = score(problem, problem.vector(), variants, near, whitened=False).singles
+    least = RESEMBLES * sum(one.residual.size for one in near)
+    alike = [one for one in found if one.gain > least and one.allowed]
+    return best_per_effect(alike, THOROUGH)
+
+
+def tried_again(
+    trials: Sequence[Trial],
+    chosen: Sequence[Sequence[Scored]],
+    fit: Callable[[Scored], Trial],
+    least: float,
+) -> list[Trial]:
+    """Return the trials, those that lower the held-out error most after another fit.
+
+    They must lower it by more than the `least`, in percent.  What began at the best of a grid has
+    been everywhere.
+    """
+    first = [one[0] for one in chosen if not one[0].variant.effect.card.grid]
+    starts = {one.variant.effect.key: one for one in first}
+    possible = [
+        t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > least
+    ]
+    best = sorted(possible, key=lambda t: -t.gain_percent)[:THOROUGH]
+    fitted = {t.key: better_of(t, fit(starts[t.key])) for t in best}
+    return [fitted.get(t.key, t) for t in trials]
