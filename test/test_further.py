@@ -7,14 +7,13 @@ import pytest
 from test_trials import prepared
 
 from motor_sysid.diagnosis.search.gates import NO_EVIDENCE
-from motor_sysid.diagnosis.search.integration_steps import chatters_less
 from motor_sysid.diagnosis.search.refit import best_per_effect
 from motor_sysid.diagnosis.search.rounds import scored
 from motor_sysid.diagnosis.search.rung import climb, judge
 from motor_sysid.diagnosis.search.trial import gain_of_likelihood, judged, Level, searching
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.model import SpeedSensor
 
 
 def test_what_leaves_only_noise_clears_what_is_more_than_noise_for_certain():
@@ -53,11 +52,3 @@ def test_what_halves_the_error_is_judged_by_the_noise_of_its_own_errors():
     stuck = judge(replace(held, model=held.model.with_free([name])), bench)
     assert stuck.training.error_percent > 0.5 * rung.training.error_percent
     assert judged(starts[0], stuck, level, bench).note == NO_EVIDENCE
-
-
-def test_only_sharper_signs_of_the_current_beside_other_effects_ask_again():
-    brushes = Model.base('brushed_dc', {'i_eps': 1e-2}).with_effect('brush_voltage_drop')
-    both = brushes.with_effect('coulomb_friction')
-    assert chatters_less(both.with_values({'i_eps': 1e-3}), both)
-    assert not chatters_less(both, both)
-    assert not chatters_less(brushes.with_values({'i_eps': 1e-3}), brushes)

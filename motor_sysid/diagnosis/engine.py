@@ -11,12 +11,7 @@ from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
-from motor_sysid.diagnosis.search.integration_steps import (
-    asked_finer,
-    chatters_less,
-    exact,
-    refined,
-)
+from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
@@ -290,10 +285,7 @@ class Engine:
         return None
 
     def settle(self, ladder: Ladder, start: Sequence[str]) -> None:
-        """Fit the last model exactly, and take back what then cannot be told from nothing.
-
-        Nor may anything stay that only made up for blunt signs of the current.
-        """
+        """Fit the last model exactly, and take back what then cannot be told from nothing."""
         while len(ladder) > 1:
             rung, trials = ladder[-1]
             last, bench = exact(rung, self.bench)
@@ -305,8 +297,7 @@ class Engine:
                     'be told from nothing'
                 )
                 continue
-            told = all(is_told(last.model, one) for one in set(last.model.effects) - set(start))
-            if not told or chatters_less(last.model, rung.model):
+            if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)
                 if slim is not last:
                     if set(slim.model.effects) <= set(before.model.effects):

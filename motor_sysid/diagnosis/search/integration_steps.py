@@ -212,13 +212,6 @@ def exact(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     return unbiased(replace(last, result=honest(last, bench, blunt)), bench), bench
 
 
-def chatters_less(now: Model, before: Model) -> bool:
-    """Whether a model has several effects and sharper signs of the current than before."""
-    name = 'i_eps'
-    sharp = name in before.parameters and now[name] < before[name]
-    return sharp and len(now.effects) > 1
-
-
 def _begun_sharp(rung: Rung, model: Model, bench: Bench) -> Rung:
     """Return the fit of a model with sharper signs to some of the data, with derivatives on all.
 
