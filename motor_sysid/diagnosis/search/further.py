@@ -48,6 +48,15 @@ def passed_over(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
     return [[one for one in further if one.variant.effect.key == key][:STARTS] for key in keys]
 
 
+def further_starts(
+    rung: Rung, bench: Bench, scores: Scores, tried: Set[str], limit: int | None
+) -> list[list[Scored]]:
+    """Return the starts of effects that were not tried: the best `limit`, and what resembles."""
+    best = passed_over(scores, tried)[:limit]
+    mine = {starts[0].variant.effect.key for starts in best}
+    return best + resembling(rung, bench, scores, tried | mine)
+
+
 def resembling(rung: Rung, bench: Bench, scores: Scores, tried: Set[str]) -> list[list[Scored]]:
     """Return the starts of effects, but for those that were tried, that the error looks like.
 

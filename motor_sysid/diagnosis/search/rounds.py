@@ -12,8 +12,7 @@ from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
 from motor_sysid.diagnosis.candidates.variants import variants
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.further import (
-    passed_over,
-    resembling,
+    further_starts,
     tried_again,
     unpromised,
 )
@@ -148,6 +147,9 @@ def refitted(
         key = starts[0].variant.effect.key
         return try_roughly(starts, level, bench, (earlier or {}).get(key), give_up=True)
 
+    def again(start: Scored) -> Trial:
+        return try_thoroughly(start, level, bench)
+
     def finally_(trial: Trial) -> Trial:
         if contends(trial):
             return settled(trial, level, bench)
@@ -165,17 +167,12 @@ def refitted(
         if leaves and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
         if thorough and not helps(trials) and is_lost(rung, bench, base):
-            further = passed_over(scores, {trial.key for trial in trials})
-            further = further if base is None else further[:limit]
-            keys = {trial.key for trial in trials} | {one[0].variant.effect.key for one in further}
-            further += resembling(rung, bench, scores, keys)
+            keys = {trial.key for trial in trials}
+            further = further_starts(rung, bench, scores, keys, limit if base else None)
             tell(f'nothing helps, and much is left: trying {len(further)} effects more')
             trials += pool.map(roughly, further)
-            chosen += further
             least = WORTH_IT if rung.model.effects else 0.0
-            trials = tried_again(
-                trials, chosen, lambda one: try_thoroughly(one, level, bench), least
-            )
+            trials = tried_again(trials, chosen + further, again, least)
         trials = _beside_the_best(trials, level, bench, pool)
         trials = _special_cases_settled(trials, level, bench)
         most = max((trial.delta_bic for trial in trials), default=0.0)
