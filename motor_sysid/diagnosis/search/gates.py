@@ -106,7 +106,8 @@ explain alone: the first one, and further ones, which may be the misfit of the f
 DEEP, DEEP_SHARE = 2.0, 0.8
 """Whitened variance, in units of the noise, that no misfit of a law leaves, and the share of what
 is beyond the noise that an effect takes away, for it to be believed however little it lowers an
-error that is nearly all noise; so is what takes away as much of less and leaves only noise."""
+error that is nearly all noise; so is what takes away as much of less and leaves only noise, if it
+is no wider form of what the model has."""
 
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""

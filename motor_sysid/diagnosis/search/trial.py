@@ -180,7 +180,8 @@ def judged(
     small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
     small = small and (not rung.model.effects or level.leaves(scored.variant.inherits, after))
     certain = small and is_certain(rung.held, new.held, level.weighting)
-    deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or level.clears(after))
+    clears = level.clears(after) and not scored.variant.inherits
+    deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or clears)
     mends = level.mends(after)
     inexact = max(
         misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
