@@ -20,6 +20,10 @@ RESEMBLES = 0.05
 """Share of the squared training error, as it is, that a touch of an effect must explain to be
 tried for its resemblance."""
 
+RESTLESS = 1.5
+"""Held-out error in units of the sensor noise from which on something may pass for noise that the
+error looks like as it is."""
+
 
 def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
     """Return the starts of effects, but for those that were tried, whose score promises nothing.
@@ -49,10 +53,14 @@ def passed_over(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
 
 
 def further_starts(
-    rung: Rung, bench: Bench, scores: Scores, tried: Set[str], limit: int | None
+    rung: Rung, bench: Bench, scores: Scores, trials: Sequence[Trial], most: int | None
 ) -> list[list[Scored]]:
-    """Return the starts of effects that were not tried: the best `limit`, and what resembles."""
-    best = passed_over(scores, tried)[:limit]
+    """Return the starts of effects beside `trials`: at most so many with evidence, and alike ones.
+
+    Those are what the error looks like.
+    """
+    tried = {trial.key for trial in trials}
+    best = passed_over(scores, tried)[:most]
     mine = {starts[0].variant.effect.key for starts in best}
     return best + resembling(rung, bench, scores, tried | mine)
 

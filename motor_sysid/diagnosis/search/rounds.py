@@ -13,6 +13,7 @@ from motor_sysid.diagnosis.candidates.variants import variants
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.further import (
     further_starts,
+    RESTLESS,
     tried_again,
     unpromised,
 )
@@ -45,6 +46,7 @@ from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
     leaves_much,
+    LOST,
     profile_cost,
     Rung,
     slopes,
@@ -139,7 +141,7 @@ def refitted(
     Those that pass before others, best first.
     """
     level = Level.of(rung, bench, scores.weighting, base)
-    leaves = level.cost > ONLY_NOISE * level.rows
+    worth = WORTH_IT if rung.model.effects else 0.0
     chosen = promising(scores, limit)
     tell(f'trying {", ".join(starts[0].variant.effect.card.title for starts in chosen)}')
 
@@ -164,15 +166,16 @@ def refitted(
 
     with ThreadPoolExecutor(WORKERS) as pool:
         trials = list(pool.map(roughly, chosen))
-        if leaves and not any(trial.passes for trial in trials):
+        if level.cost > ONLY_NOISE * level.rows and not any(trial.passes for trial in trials):
             trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
-        if thorough and not helps(trials) and is_lost(rung, bench, base):
-            keys = {trial.key for trial in trials}
-            further = further_starts(rung, bench, scores, keys, limit if base else None)
-            tell(f'nothing helps, and much is left: trying {len(further)} effects more')
-            trials += pool.map(roughly, further)
-            least = WORTH_IT if rung.model.effects else 0.0
-            trials = tried_again(trials, chosen + further, again, least)
+        if thorough and not helps(trials) and is_lost(rung, bench, base, RESTLESS):
+            lost = is_lost(rung, bench, base)
+            count = (limit if base else None) if lost else 0
+            more = further_starts(rung, bench, scores, trials, count)
+            tell(f'nothing helps: trying {len(more)} effects more')
+            trials += pool.map(roughly, more)
+            if lost:
+                trials = tried_again(trials, chosen + more, again, worth)
         trials = _beside_the_best(trials, level, bench, pool)
         trials = _special_cases_settled(trials, level, bench)
         most = max((trial.delta_bic for trial in trials), default=0.0)
@@ -180,8 +183,7 @@ def refitted(
         winner = winner_of(passing) if passing else None
         tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
         trials = list(pool.map(finally_, trials))
-    trials.sort(key=lambda t: (not t.passes, -t.delta_bic))
-    return trials
+    return sorted(trials, key=lambda t: (not t.passes, -t.delta_bic))
 
 
 def _beside_the_best(
@@ -300,14 +302,14 @@ def explains(rung: Rung, base: Rung) -> bool:
     return rung.held.error_percent**2 < (1.0 - NEARLY_ALL) * base.held.error_percent**2
 
 
-def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
-    """Whether a model leaves so much that what is missing may pass for noise.
+def is_lost(rung: Rung, bench: Bench, base: Rung | None = None, times: float = LOST) -> bool:
+    """Whether a model leaves so many times the noise that what is missing may pass for noise.
 
     Not where it leaves little of what `base`, without effects, had left: no law is exact.
     """
     if base is not None and explains(rung, base):
         return False
-    return leaves_much(rung, bench)
+    return leaves_much(rung, bench, times)
 
 
 def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:

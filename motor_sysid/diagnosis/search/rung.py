@@ -173,11 +173,11 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
     return Rung(result, training, free, held, tuple(near), substeps)
 
 
-def leaves_much(rung: Rung, bench: Bench) -> bool:
-    """Whether the held-out error of a model is many times the sensor noise in some channel."""
+def leaves_much(rung: Rung, bench: Bench, times: float = LOST) -> bool:
+    """Whether the held-out error of a model is so many times the noise in some channel."""
     left = np.concatenate(rung.held.residuals)
     noise = noise_sigmas(rung.held.residuals, bench.differenced(rung.model))
-    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > LOST * noise))
+    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > times * noise))
 
 
 def held_at_best(rung: Rung, bench: Bench) -> Comparison:
