@@ -1,22 +1,24 @@
-"""The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
+r"""The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
 
-FILE=bench/results/present_6900.jsonl
-.venv/bin/motor-sysid benchmark diagnosis --seed 6900 --no-peers --results $FILE
-.venv/bin/python bench/diagnosis_rates.py $FILE --prefix 'present ' --markdown docs/benchmark.md
+FILE=bench/results/diagnosis_7900.jsonl
+.venv/bin/motor-sysid benchmark diagnosis --seed 7900 --no-peers --results $FILE
+.venv/bin/python bench/diagnosis_rates.py $FILE --markdown docs/benchmark.md
+.venv/bin/python bench/diagnosis_rates.py bench/results/earlier_*.jsonl --seeds \
+    --markdown docs/benchmark.md
 
-The page holds the tables of a long run of an earlier state of the program, and between marks that
-begin with `present` some of a shorter one of the present state.  The table of the other methods is
-made where `bench/diagnosis_peers.py` has asked them.
+With `--seeds` it is a column of rates for each file, and the table of the other methods on those
+cases that `bench/diagnosis_peers.py` has asked them about.
 """
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 import sys
 
 from pages import filled, markdown
 
 from motor_sysid.benchmark.outcome import Result
-from motor_sysid.benchmark.store import merged
+from motor_sysid.benchmark.store import merged, ResultsFile
 from motor_sysid.benchmark.tables import (
     effect_table,
     leakage_table,
@@ -25,16 +27,28 @@ from motor_sysid.benchmark.tables import (
     Table,
     time_table,
 )
-from motor_sysid.benchmark.targets import visible
+from motor_sysid.benchmark.targets import rates, visible
 
 TABLES = {
     'rates': rate_table,
     'effects': effect_table,
-    'peers': peer_table,
     'times': time_table,
     'base parameters': lambda every: leakage_table([r for r in every if is_large(r)]),
 }
 """Mark in the page to table."""
+
+SEEDS = {
+    'complete: something missing': 'complete model: something is said to be missing',
+    '1 %, visible: first': 'one effect, 1 %: named first, where visible',
+    '3 %, visible: first': 'one effect, 3 %: named first, where visible',
+    '10 %, visible: first': 'one effect, 10 %: named first, where visible',
+    'a wrong name': 'effects in the catalogue: a wrong name',
+    'two, visible: exact': 'two effects: exact set, where both are visible',
+    'withheld: wrong neighbour': 'effect not in the catalogue: a wrong neighbour named',
+    'within 5 % of the truth': 'after adding: held-out error within 5 % of the true structure',
+    'intervals': 'effect parameters within their 95 % interval',
+}
+"""Rates of the table of seeds: its row to the title of the rate."""
 
 
 def main() -> int:
@@ -42,20 +56,39 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument('results', nargs='+', type=Path, help='results files')
     parser.add_argument('--markdown', type=Path, metavar='FILE', help='page to bring up to date')
-    parser.add_argument('--prefix', default='', help='what the marks of the tables begin with')
+    parser.add_argument('--seeds', action='store_true', help='a column of rates for each file')
     args = parser.parse_args()
-    _, results = merged(args.results)
-    for name, make in TABLES.items():
-        table = make(results)
-        if not table.rows:
-            continue
-        mark = f'{args.prefix}{name}'
-        if args.markdown and f'<!-- {mark} -->' in args.markdown.read_text(encoding='utf-8'):
-            text = filled(args.markdown, mark, shown(table))
-            args.markdown.write_text(text, encoding='utf-8')
-        elif not args.markdown:
-            print(f'{shown(table)}\n')  # noqa: T201
+    for mark, text in tables(args.results, seeds=args.seeds).items():
+        if args.markdown:
+            page = filled(args.markdown, mark, text)
+            args.markdown.write_text(page, encoding='utf-8')
+        else:
+            print(f'{text}\n')  # noqa: T201
     return 0
+
+
+def tables(files: Sequence[Path], *, seeds: bool) -> dict[str, str]:
+    """Return mark to table in Markdown."""
+    _, results = merged(files)
+    if seeds:
+        return {'seeds': by_seed(files), 'peers': shown(peer_table(results))}
+    made = {name: make(results) for name, make in TABLES.items()}
+    return {name: shown(table) for name, table in made.items() if table.rows}
+
+
+def by_seed(files: Sequence[Path]) -> str:
+    """Return a table in Markdown with a column of rates for each results file."""
+    head, columns = ['seed'], []
+    for file in files:
+        kept, by_name = ResultsFile.read(file)
+        results = list(by_name.values())
+        found = {rate.title: rate.share for rate in rates(results)}
+        head.append(str(kept['seed']))
+        shares = [found[title] for title in SEEDS.values()]
+        columns.append([len(results), *(f'{one.count} of {one.total}' for one in shares)])
+    names = ['cases', *SEEDS]
+    rows = zip(names, *columns, strict=True)
+    return markdown(head, ([str(cell) for cell in row] for row in rows))
 
 
 def is_large(result: Result) -> bool:

@@ -19,10 +19,10 @@ def run(name, *arguments):
 def test_the_page_tells_what_the_results_say(tmp_path):
     page, copy = ROOT / 'docs' / 'benchmark.md', tmp_path / 'page.md'
     copy.write_text(page.read_text(encoding='utf-8'), encoding='utf-8')
-    for begins, prefix in (('diagnosis', ''), ('present', 'present ')):
+    for begins, options in (('diagnosis', []), ('earlier', ['--seeds'])):
         files = sorted(RESULTS.glob(f'{begins}_*.jsonl'))
         assert files
-        done = run('diagnosis_rates.py', *files, '--markdown', copy, '--prefix', prefix)
+        done = run('diagnosis_rates.py', *files, '--markdown', copy, *options)
         assert done.returncode == 0, done.stderr
     assert copy.read_text(encoding='utf-8') == page.read_text(encoding='utf-8')
 
