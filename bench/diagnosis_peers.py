@@ -1,7 +1,7 @@
 """Ask the other methods about cases that the diagnosis benchmark ran without them.
 
 .venv/bin/pip install 'pysindy>=2.0'
-.venv/bin/python bench/diagnosis_peers.py bench/results/diagnosis_7900.jsonl --cases 200
+.venv/bin/python bench/diagnosis_peers.py bench/results/earlier_6900.jsonl --cases 200
 
 The records are drawn again from the seed of the results file, which is written anew after every
 case.

@@ -28,7 +28,7 @@ from motor_sysid.diagnosis.search.rounds import (
     tried_instead,
     unseen,
 )
-from motor_sysid.diagnosis.search.rung import climb, judge
+from motor_sysid.diagnosis.search.rung import climb, judge, slopes
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
@@ -275,14 +275,17 @@ def test_only_what_gains_enough_after_a_rough_fit_is_fitted_again():
 
 
 def test_what_the_error_looks_like_gets_a_turn_whatever_a_noise_model_makes_of_it():
-    """Drag looks as much like it, but for its sign, and a load in the voltage not at all."""
+    """No touch explains more than all of the squares as they are; of whitened ones it does."""
     data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'))
     bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
     keys = ['coulomb_friction', 'cogging_torque', 'quadratic_drag', 'inductance_saturation']
     blind = scored(rung, bench, [effect(key) for key in keys], lambda text: None)
-    assert {starts[0].variant.effect.key for starts in resembling(rung, bench, blind, set())} == {
-        'coulomb_friction'
-    }
+    ((found, *_),) = resembling(rung, bench, blind, set())
+    assert found.variant.effect.key == 'coulomb_friction'
+    rows = sum(one.residual.size for one in slopes(rung, bench))
+    assert 0.05 < found.gain / rows < 1.0
+    (whitened,) = (s for s in blind.singles if s.variant.effect.key == 'coulomb_friction')
+    assert whitened.gain > rows
     assert not resembling(rung, bench, blind, {'coulomb_friction'})
 
 

@@ -14,7 +14,8 @@ from motor_sysid.diagnosis.search.rung import Rung, slopes
 from motor_sysid.diagnosis.search.trial import Trial
 
 THOROUGH = 3
-"""Effects that are fitted in full if nothing passes and the model leaves much."""
+"""Effects that are fitted in full if nothing passes and the model leaves much, and most effects
+that are tried for their resemblance."""
 
 RESEMBLES = 0.05
 """Share of the squared training error, as it is, that a touch of an effect must explain to be

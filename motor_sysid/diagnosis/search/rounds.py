@@ -172,7 +172,7 @@ def refitted(
             lost = is_lost(rung, bench, base)
             count = (limit if base else None) if lost else 0
             more = further_starts(rung, bench, scores, trials, count)
-            tell(f'nothing helps: trying {len(more)} effects more')
+            tell(f'nothing helps: trying {len(more) or "no"} effects more')
             trials += pool.map(roughly, more)
             if lost:
                 trials = tried_again(trials, chosen + more, again, worth)

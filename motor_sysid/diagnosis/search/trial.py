@@ -200,8 +200,8 @@ def gain_of_likelihood(new: Rung, old: Rung, bench: Bench) -> float:
     """Return the gain in BIC over a smaller model, each under the noise model of its own errors.
 
     The one that the whole dictionary leaves knows nothing where a sharp law is far from right: its
-    jumps are all that it sees.  What an own noise model swallows of an effect makes this gain
-    smaller, never larger.
+    jumps are all that it sees.  Both own noise models are of the same order and fitted alike; what
+    that of the smaller model takes of an effect is not counted for it.
     """
     likelihood = []
     for rung in (new, old):
