@@ -65,6 +65,23 @@ def test_an_effect_is_matched_with_its_carrier():
     assert with_it > 3 * found.order_gains(effect('cogging_torque'))[12]
 
 
+@pytest.mark.parametrize('order', [12, 36])
+def test_waves_that_go_with_the_current_stand_out_without_an_effect_of_the_catalogue(order):
+    found = matched(ripple=0.05, ripple_order=float(order))
+    assert found.led_orders()[0] == order
+    assert matched(cogging=1e-3, order=23.0).led_orders() == ()
+
+
+@pytest.mark.parametrize('random', [0.0, 1e-3, 3e-3])
+def test_nothing_else_goes_with_the_current_in_waves(random):
+    """Of 400 orders the best explains 10 or less by chance; one in 1e5 motors reaches 20."""
+    assert matched(random=random).led_orders() == ()
+
+
+def test_waves_go_with_nothing_that_laws_do_not_see():
+    assert matched(ripple=0.05, ripple_order=12.0).led_orders('pressure') == ()
+
+
 def test_less_than_a_turn_tells_no_order():
     found = matched(turning=0.004, cogging=4e-4, order=23.0)
     assert found.orders() == ()

@@ -8,9 +8,17 @@ import pytest
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Settings, Verdict
+from motor_sysid.diagnosis.search import step_ahead
 from motor_sysid.diagnosis.search.gates import TAKES_OVER, TOO_LITTLE, UNPHYSICAL, UNSTEADY
-from motor_sysid.diagnosis.search.step_ahead import hopeful, second_of, stands, STEPS
+from motor_sysid.diagnosis.search.step_ahead import (
+    hopeful,
+    in_its_place,
+    second_of,
+    stands,
+    STEPS,
+)
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import SpeedSensor
 
 THRESHOLD = 20.0
 
@@ -96,3 +104,45 @@ def test_no_more_effects_than_the_user_allows(losses):
     )  # fmt: skip
     assert found.effects == ()
     assert found.verdict is Verdict.UNKNOWN_EFFECT
+
+
+def fit_of(effects, error=1.0):
+    """Return what stands for a fit with these effects and that held-out error."""
+    held = SimpleNamespace(error_percent=error)
+    return SimpleNamespace(model=SimpleNamespace(effects=effects), held=held)
+
+
+@pytest.mark.parametrize(
+    ('left', 'less', 'error', 'taken'),
+    [
+        (('lag',), 500.0, 1.0, True),
+        (('lag',), 5.0, 1.0, False),
+        (('lag',), 500.0, 1.1, False),
+        (('delay', 'lag'), 500.0, 1.0, False),
+        (('delay',), 500.0, 1.0, False),
+    ],
+    ids=['does better', 'does as well', 'spoils the held-out data', 'both are needed', 'goes'],
+)
+def test_a_step_takes_the_place_of_what_it_makes_superfluous(
+    monkeypatch, left, less, error, taken
+):
+    old, both, slim = fit_of(('delay',)), fit_of(('delay', 'lag')), fit_of(left, error)
+    costs = {id(old): 1e4, id(slim): 1e4 - less}
+    monkeypatch.setattr(step_ahead, 'pruned', lambda *_: slim)
+    monkeypatch.setattr(step_ahead, 'profile_cost', lambda one, *_: (costs[id(one)], 4000))
+    gains, first = {'delay': 1000.0}, SimpleNamespace(key='lag')
+    found = in_its_place(both, first, old, None, None, gains, lambda _: None)
+    assert found is (slim if taken else None)
+    assert gains == {'delay': 1000.0} | ({'lag': 1000.0 + less} if taken else {})
+
+
+def test_a_lag_takes_the_place_of_a_delay_that_another_speed_sensor_made_of_it():
+    """With the wrong one, half a sample late, a delay has more evidence; beside the lag, none."""
+    scenario, number = named_case('single/current_sensor_lag/1/1')
+    case = draw(scenario, 7900, number)
+    offered = ('input_delay', 'current_sensor_lag')
+    found = diagnose(case.train, case.valid, motor='brushed_dc', effects=offered)
+    assert found.effects == ('current_sensor_lag',)
+    assert found.model.speed_sensor is SpeedSensor.DIFFERENCE
+    assert found.model['current_sensor_lag.lag'] == pytest.approx(0.552e-3, rel=0.01)
+    assert found.model['L'] == pytest.approx(0.180e-3, rel=0.02)

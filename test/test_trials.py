@@ -29,7 +29,7 @@ from motor_sysid.diagnosis.search.refit import (
     try_thoroughly,
 )
 from motor_sysid.diagnosis.search.rounds import scored
-from motor_sysid.diagnosis.search.rung import climb, held_at_best, judge, lost, Rung
+from motor_sysid.diagnosis.search.rung import climb, lost, Rung
 from motor_sysid.diagnosis.search.trial import Level, searching, Trial
 from motor_sysid.estimation.batch import (
     fit,
@@ -413,15 +413,6 @@ def test_moments_that_are_not_fitted_keep_their_errors():
     before = fixed.parameters['inertia_change.t_on'].sigma
     after = with_honest_moments(held, weighting, bound).parameters['inertia_change.t_on'].sigma
     assert after == before
-
-
-def test_what_is_left_is_judged_with_the_parameters_at_their_best():
-    bench, rung = prepared(records({}, seconds=3.0), SpeedSensor.DIFFERENCE)
-    wrong = {'b': 1.3 * rung.model['b'], 'k_t': 1.02 * rung.model['k_t']}
-    biased = judge(replace(rung.result, model=rung.model.with_values(wrong)), bench)
-    assert biased.held.error_percent > 1.5 * rung.held.error_percent
-    best = held_at_best(biased, bench)
-    assert best.error_percent == pytest.approx(rung.held.error_percent, rel=0.02)
 
 
 # --- what was lost while an effect was missing

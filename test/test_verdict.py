@@ -471,11 +471,12 @@ def test_more_than_noise_in_some_record_counts_though_the_held_out_one_has_none(
     assert left.structured is structured
 
 
-def remaining(count, error, drive=None, reference=None):
+def remaining(count, error, drive=None, reference=None, angle=(), orders=((), ())):
     """Examine a smooth motion of that many samples with an error (N,) that is left of it.
 
     The last third is held out.
     """
+    angle = np.asarray(angle)
     time = 1e-3 * np.arange(count)
     if drive is None:
         drive = np.cumsum(np.random.default_rng(4).normal(size=count))
@@ -485,14 +486,15 @@ def remaining(count, error, drive=None, reference=None):
         percent = 100 * np.sqrt(np.mean(residual**2) / np.mean(measured**2))
         led = {} if reference is None else {'speed_reference': reference[part]}
         record = Record(time[part] - time[part][0], led, dict.fromkeys(led, 'rad/s'))
-        driven = SimpleNamespace(inputs=drive[part, np.newaxis], position=np.empty(0), dt=1e-3)
+        driven = SimpleNamespace(inputs=drive[part, np.newaxis], position=angle[part], dt=1e-3)
         stretch = SimpleNamespace(scored=True, scored_from=0, record=record, drive=driven)
         chains.append([[stretch]])
         runs.append(SimpleNamespace(
             measured=(measured[:, np.newaxis],), residuals=(residual[:, np.newaxis],),
             error_percent=percent,
         ))  # fmt: skip
-    return examine_remainder(('speed',), runs[0], runs[1], runs[1], tuple(chains), (False,), ())
+    data = runs[0], runs[1], runs[1], tuple(chains)
+    return examine_remainder(('speed',), *data, (False,), orders)
 
 
 @pytest.mark.parametrize(('beyond', 'structured'), [(0.9, False), (1.1, True)])
@@ -543,6 +545,17 @@ def test_a_function_of_the_motion_is_predictable():
     found = remaining(12_000, 5 * np.tanh(20 * motion) + 0.1 * slow_noise(12_000))
     assert found.predictable > 0.9
     assert found.structured
+
+
+def test_waves_that_go_with_what_is_measured_are_predictable_by_their_number_per_turn():
+    """A ripple of the torque changes its sign with the current: no plain wave is like it."""
+    time = 1e-3 * np.arange(12_000)
+    angle, current = 9 * time + 2 * np.sin(3 * time), 100 * np.sin(7 * time)
+    ripple = 0.05 * current * np.cos(17 * angle) + 0.1 * slow_noise(12_000)
+    assert remaining(12_000, ripple, angle=angle, orders=((17,), ())).predictable < 0.3
+    found = remaining(12_000, ripple, angle=angle, orders=((), (17,)))
+    assert found.predictable > 0.9
+    assert found.waves == (17,)
 
 
 def test_what_any_strength_of_the_ridge_predicts_of_other_blocks_is_no_noise(monkeypatch):

@@ -45,7 +45,7 @@ from motor_sysid.diagnosis.search.rung import (
     vanished,
     with_better_sensor,
 )
-from motor_sysid.diagnosis.search.step_ahead import hopeful, second_of
+from motor_sysid.diagnosis.search.step_ahead import hopeful, in_its_place, second_of
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
@@ -129,10 +129,9 @@ class Engine:
             if ladder and ladder[-1][0].model.effects == rung.model.effects:
                 ladder.pop()  # what was added on it has proved superfluous
             ladder.append((rung, trials))
-            passing = [t for t in trials if t.passes]
             if len(ladder) > self.settings.max_effects:
                 break
-            if not passing:
+            if not any(t.passes for t in trials):
                 held_back = hopeful(trials, self.bench.threshold)
                 finer, self.bench = asked_finer(rung, held_back, self.bench)
                 if finer is not rung:
@@ -148,24 +147,32 @@ class Engine:
                 step = self.ahead(rung, trials, ladder[0][0], rivals) if room else None
                 if step is None:
                     break
-                ladder.append(step)
                 rung, trials = step
-                passing = [t for t in trials if t.passes]
-            winner = winner_of(passing)
-            rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)], rung)
-            self.gains[winner.key] = winner.delta_bic
-            self.tell(
-                f'adding {winner.scored.variant.effect.card.title}: held-out error '
-                f'{rung.validation.error_percent:.3g} -> '
-                f'{winner.rung.validation.error_percent:.3g} %'
-            )
-            weighting = winner.rung.result.weighting
-            best, _ = deepest(climb(winner.rung.model, self.bench, weighting), self.bench)
-            worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
-            best = winner.rung if worse or vanished(best.model, winner.key) else best
-            best = pruned(best, self.bench, self.gains, self.tell)
-            rung = self.refine(best)
+                if not trials:
+                    rung = self.refine(rung)
+                    continue
+                ladder.append(step)
+            rung = self.added(rung, trials, rivals)
         return ladder, rivals
+
+    def added(self, rung: Rung, trials: Sequence[Trial], rivals: Rivals) -> Rung:
+        """Return the fit with the best that passes, without what it has made superfluous.
+
+        What else does as well is noted in `rivals`.
+        """
+        winner = winner_of([t for t in trials if t.passes])
+        rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)], rung)
+        self.gains[winner.key] = winner.delta_bic
+        self.tell(
+            f'adding {winner.scored.variant.effect.card.title}: held-out error '
+            f'{rung.validation.error_percent:.3g} -> '
+            f'{winner.rung.validation.error_percent:.3g} %'
+        )
+        weighting = winner.rung.result.weighting
+        best, _ = deepest(climb(winner.rung.model, self.bench, weighting), self.bench)
+        worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
+        best = winner.rung if worse or vanished(best.model, winner.key) else best
+        return self.refine(pruned(best, self.bench, self.gains, self.tell))
 
     def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:
         """Fit what a climb came to exactly, and give the verdict.
@@ -266,8 +273,10 @@ class Engine:
     ) -> tuple[Rung, list[Trial]] | None:
         """Return a fit with an effect that does not pass alone, and what passes on top of it.
 
-        What else does as well as that effect is noted in `rivals`.  No step is made from a model
-        that leaves nothing for certain, beside what its integration does wrong.
+        What else does as well as that effect is noted in `rivals`.  Where nothing passes on top,
+        but the effect does better than what was there before it, the fit with it alone is
+        returned, and nothing.  No step is made from a model that leaves nothing for certain,
+        beside what its integration does wrong.
         """
         cost, rows = profile_cost(rung, self.bench, self.weighting(rung))
         if cost * (1.0 - self.bench.wrong) < SURELY_MORE * rows:
@@ -282,6 +291,11 @@ class Engine:
                 self.gains[first.key] = first.delta_bic
                 rivals[first.key] = rivals_of(first, possible[k:], rung)
                 return fitted, [replace(t, note='') if t is second else t for t in further]
+            alone = in_its_place(
+                fitted, first, rung, self.bench, self.weighting(rung), self.gains, self.tell
+            )
+            if alone is not None:
+                return alone, []
         return None
 
     def settle(self, ladder: Ladder, start: Sequence[str]) -> None:

@@ -60,8 +60,8 @@ def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
     what = 'all of it' if known or times > found.held_alone else 'it'
     said = (
         f'The training data do not show {what}: what is left is {times:.2g} times as large over '
-        'the held-out data. So every other piece of these was fitted as well, and held-out errors '
-        'are those over the rest. To do: train on such data, too'
+        'the held-out data as it need be. So every other piece of these was fitted as well, and '
+        'held-out errors are those over the rest. To do: train on such data, too'
     )
     verdict, *others = again.reasons
     return replace(again, lent=True, reasons=(verdict, said, *others))

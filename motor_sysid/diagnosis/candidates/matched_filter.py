@@ -47,6 +47,10 @@ STANDS_OUT = 4.0
 CLEAR = 30.0
 """The same for a frequency: of 40 loads that wander at random the clearest line had 28."""
 
+SEEN = 50.0
+"""Whitened sum of squares that waves which go with the current must explain to be believed: the
+best of 400 orders explains 21 in complete motors, and 160 where a ripple of 2 % is missing."""
+
 _LEAST_TURN = 0.95 * 2 * np.pi
 """Angle (rad) that must have been turned: a map of one turn may end a step short of it."""
 
@@ -122,21 +126,31 @@ class Matched:
         lower = 2.0
         if one is not None:
             lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
-        gains[: max(round(lower), 1)] = 0.0
-        peaks = _peaks(gains) & (gains > contrast * surroundings(gains, _BESIDE))
-        best = [n for n in np.argsort(-gains).tolist() if peaks[n]]
-        return tuple(best[:count])
+        return _highest(gains, max(round(lower), 1), contrast)[:count]
 
-    def order_gains(self, one: Effect | None = None) -> Array:
-        """Return (`TOP_ORDER` + 1,) the decrease of the whitened sum of squares by each order."""
+    def led_orders(self, by: str = 'i', count: int = 2) -> tuple[int, ...]:
+        """Return the waves per turn of a torque in proportion to what laws see, best first.
+
+        They stand out of their neighbours, and of noise; none where laws do not see it.
+        """
+        gains = self.order_gains(by=by)
+        gains[gains < SEEN] = 0.0
+        return _highest(gains, 2, STANDS_OUT)[:count]
+
+    def order_gains(self, one: Effect | None = None, *, by: str = '') -> Array:
+        """Return (`TOP_ORDER` + 1,) the decrease of the whitened sum of squares by each order.
+
+        The wave of an effect, or of a torque; in proportion to what laws see by that name, if any.
+        """
         total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
         turned = 0.0
         for stretch in self._stretches:
             path = stretch.path
-            if 'theta' not in path:
+            if 'theta' not in path or (by and by not in path):
                 return energy
             turned += float(np.ptp(path['theta']))
             carriers = np.stack([self._carrier(one, force, path) for force in self._forces])
+            carriers = carriers * path[by] if by else carriers
             _add_waves(
                 path['theta'], path['turn'], carriers * stretch.pull, carriers**2, self._power,
                 total, energy,
@@ -300,6 +314,14 @@ def _peaks(gains: Array) -> NDArray[np.bool_]:
     """Return which entries are no smaller than their neighbours, and not zero."""
     padded = np.concatenate(([0.0], gains, [0.0]))
     return (gains > 0.0) & (gains >= padded[:-2]) & (gains >= padded[2:])
+
+
+def _highest(gains: Array, lowest: int, contrast: float) -> tuple[int, ...]:
+    """Return where gains have peaks that stand out, from a place on, the highest first."""
+    above = gains > contrast * surroundings(gains, _BESIDE)
+    above[:lowest] = False
+    peaks = _peaks(np.where(np.arange(gains.size) < lowest, 0.0, gains)) & above
+    return tuple(n for n in np.argsort(-gains).tolist() if peaks[n])
 
 
 def _is_line(gains: Array, k: int, width: float) -> bool:

@@ -151,7 +151,8 @@ class Diagnosis:
         What was asked of evidence, and where that figure comes from; None if nobody asked.
     held_alone:
         How many times larger the last model's error is over held-out data than over training data,
-        if the latter show nothing that is missing; else 1.
+        or than with other values of its parameters, if the training data show nothing that is
+        missing; else 1.
     lent:
         Whether half of the held-out data were fitted as well; see `motor_sysid.diagnosis.lending`.
     """

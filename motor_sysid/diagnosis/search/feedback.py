@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.rung import BRIEF, judge, newton_step, Rung, slopes, SPOILED
+from motor_sysid.diagnosis.search.rung import BRIEF, judge, Rung, slopes, SPOILED
 from motor_sysid.estimation.batch import (
     coloured,
     FitResult,
@@ -28,6 +28,7 @@ from motor_sysid.estimation.batch import (
 from motor_sysid.estimation.batch.least_squares import (
     ENOUGH,
     minimize,
+    newton_step,
     normal_equations,
     result_at,
     Solution,

@@ -18,7 +18,6 @@ from motor_sysid.diagnosis.search.rung import (
     climb,
     FINER,
     judge,
-    newton_step,
     Rung,
     slopes,
     some_of,
@@ -29,6 +28,7 @@ from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Weighting
 from motor_sysid.estimation.batch.least_squares import (
+    newton_step,
     normal_equations,
     result_at,
     SHORTER,
@@ -129,13 +129,14 @@ def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult,
 def _fine_enough(model: Model, bench: Bench) -> tuple[int, bool]:
     """Return so many integration steps that more are not worth it, and if what they do is small.
 
-    Finer ones than `FINER` are worth it only where their error is not bearable.
+    Finer ones than `FINER` are worth it only where their error is not bearable; waves that pass
+    within a sample are not followed at all before steps are finer than the waves.
     """
     steps, right = _steps(model, bench, FINER, _small)
-    if steps < FINER:
+    if right:
         return steps, right
     finer, _ = _steps(model, replace(bench, substeps=steps), FINEST, _bearable)
-    return finer, right and finer == steps
+    return finer, False
 
 
 def _wrong(rung: Rung, bench: Bench) -> float:

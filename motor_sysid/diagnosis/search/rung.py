@@ -1,7 +1,7 @@
 """A fitted model, and what is asked of it."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,10 +14,9 @@ from motor_sysid.estimation.batch import (
     fit_and_slopes,
     FitResult,
     Linearization,
-    Problem,
     Weighting,
 )
-from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.estimation.batch.least_squares import newton_step, normal_equations
 from motor_sysid.physics.effect import Scale
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -180,26 +179,6 @@ def leaves_much(rung: Rung, bench: Bench, times: float = LOST) -> bool:
     return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > times * noise))
 
 
-def held_at_best(rung: Rung, bench: Bench) -> Comparison:
-    """Return the comparison on held-out data with the model's own parameters at their best there.
-
-    In a closed loop random loads bias a fit a little; that is no missing physics.  One step of
-    Gauss and Newton is taken, as the parameters are nearly right; its derivatives need no fine
-    steps of the integration.
-    """
-    problem, weighting = Problem(rung.model, bench.held, bench.outputs), rung.result.weighting
-    near = [
-        replace(one, residual=residual)
-        for one, residual in zip(
-            problem.linearize(problem.vector()), rung.held.residuals, strict=True
-        )
-    ]
-    move = newton_step(*normal_equations(near, weighting)[:2])
-    if not np.all(np.isfinite(move)):
-        return rung.held
-    return comparison_of([one.residual - one.slope @ move for one in near], problem)
-
-
 def some_of(bench: Bench, model: Model) -> tuple[Chain, ...]:
     """Return some of the training data; all where an effect of the model remembers for long.
 
@@ -219,18 +198,6 @@ def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
     if rung.near and rung.substeps == bench.substeps:
         return problem.adopt(rung.near)
     return problem.linearize(problem.vector())
-
-
-def newton_step(gradient: Array, curvature: Array) -> Array:
-    """Return the undamped step to the minimum; along what the data do not see, none.
-
-    It is not a number where the derivatives are none.
-    """
-    if not np.all(np.isfinite(curvature)):
-        return np.full(gradient.shape, np.nan)
-    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
-    step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
-    return np.asarray(step / scale)
 
 
 def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float, int]:

@@ -3,11 +3,13 @@
 What explains nearly all of the training data need not lower the held-out error where the held-out
 data show the other effect most: a ramp of speeds tells of losses with speed, and steps of load.
 Then the step is made for the time being, and counts if a second effect passes on top of it and the
-two together stand all tests against the model before.
+two together stand all tests against the model before.  Or the effect itself takes the place of
+what was there: beside it, base parameters and the speed sensor are what they should be.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
+from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
     gone,
@@ -18,9 +20,11 @@ from motor_sysid.diagnosis.search.gates import (
     SURE,
     TAKES_OVER,
 )
-from motor_sysid.diagnosis.search.ranking import AT_NOISE, winner_of
-from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.search.prune import pruned
+from motor_sysid.diagnosis.search.ranking import AT_NOISE, RIVAL_BIC, RIVAL_SHARE, winner_of
+from motor_sysid.diagnosis.search.rung import profile_cost, Rung, SPOILED
 from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.estimation.batch import Weighting
 
 STEPS = 2
 """Trials, best evidence first, from which a step ahead is made."""
@@ -61,3 +65,41 @@ def stands(new: Rung, old: Rung, excess: float) -> bool:
     gain = 100 * (1 - combined_error(new.held, old.held))
     helps = gain > MIN_FURTHER_GAIN_PERCENT and steadiness(old.held, new.held) > MIN_STEADY
     return helps and excess < AT_NOISE and not gone(new.model, old.model)
+
+
+def in_its_place(
+    both: Rung,
+    first: Trial,
+    old: Rung,
+    bench: Bench,
+    weighting: Weighting,
+    gains: dict[str, float],
+    tell: Callable[[str], None],
+) -> Rung | None:
+    """Return the fit in which a step ahead takes the place of what `old` had, if it does better.
+
+    Parameters
+    ----------
+    both:
+        The step, fitted in full on top of `old`.
+    first:
+        The trial that the step was made from.
+    bench, weighting:
+        The data, and the noise model under which the two are compared.
+    gains:
+        Gain in BIC of each effect when it was added; that of the step is noted.
+    tell:
+        Is told of it.
+    """
+    slim = pruned(both, bench, dict(gains), tell)
+    lost = set(both.model.effects) - set(slim.model.effects)
+    spoiled = slim.held.error_percent > SPOILED * old.held.error_percent
+    if not lost or first.key in lost or spoiled:
+        return None
+    gain = max(gains.get(key, 0.0) for key in lost)
+    less = profile_cost(old, bench, weighting)[0] - profile_cost(slim, bench, weighting)[0]
+    if less < max(RIVAL_BIC, RIVAL_SHARE * gain):
+        return None
+    tell(f'{first.key} does better than {" and ".join(sorted(lost))}')
+    gains[first.key] = gain + less
+    return slim

@@ -12,9 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.rung import judge, newton_step, Rung, SPOILED
+from motor_sysid.diagnosis.search.rung import judge, Rung, SPOILED
 from motor_sysid.estimation.batch import Linearization, Problem, Weighting
-from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
+from motor_sysid.estimation.batch.least_squares import (
+    newton_step,
+    normal_equations,
+    result_at,
+    Solution,
+)
 
 Array = NDArray[np.float64]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
+from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.findings import (
     BlindSpot,
     Evidence,
@@ -13,6 +14,7 @@ from motor_sysid.diagnosis.result.result import Candidate, Step, Verdict
 from motor_sysid.diagnosis.search.gates import UNSTEADY
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.verdict.verdict import disagree
+from motor_sysid.diagnosis.where.other_values import OtherValues
 from motor_sysid.diagnosis.where.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
 from motor_sysid.physics.effects import effect
 
@@ -85,6 +87,8 @@ def _structure(left: Remainder) -> str:
     if left.swing and left.swings:
         share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
         return f'{share:.0f} % of it swings at {pace}, as in the training data'
+    if left.other and left.moves and left.other.share > left.predictable:
+        return _moved(left.other)
     if left.drifts and left.predictable < STRUCTURE:
         return f'{100 * left.drift:.0f} % of it in one record drifts: something came or went there'
     if left.uneven and left.predictable < STRUCTURE:
@@ -94,7 +98,22 @@ def _structure(left: Remainder) -> str:
             'the motion hardly predicts any of it: loads that come and go, or what a drive does '
             'between two samples, look like that'
         )
-    return f'{100 * left.predictable:.0f} % of it is predictable from the motion'
+    said = f'{100 * left.predictable:.0f} % of it is predictable from the motion'
+    if left.waves:
+        pace = ' and '.join(f'{n}' for n in left.waves)
+        said += f': {pace} times a turn, a torque swings in proportion to the current'
+    return said
+
+
+def _moved(other: OtherValues) -> str:
+    """Say which parameter the held-out data want otherwise."""
+    one = other.parameter
+    value, now = (with_unit(v, one.unit, 2) for v in (other.value, one.value))
+    return (
+        f'{100 * other.share:.0f} % of its square would go with other values of the parameters '
+        f'there ({100 * other.alone:.0f} % with {one.name} about {value} instead of {now}, '
+        f'{one.description}): what heats, saturates or wears looks like that'
+    )
 
 
 def shapes(found: Sequence[Unknown]) -> list[str]:

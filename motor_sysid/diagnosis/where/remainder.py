@@ -8,7 +8,8 @@ In a closed loop the controller answers to random loads, too, so that the input 
 there the motion counts as far as the reference leads it.
 
 What cannot be predicted is missing physics, too, if it swings at one frequency in training and
-held-out data, if it drifts, or if the model describes one record much worse than another.
+held-out data, if it drifts, if the model describes one record much worse than another, or if the
+held-out data ask for other values of its parameters.
 """
 
 from collections.abc import Sequence
@@ -22,6 +23,7 @@ from scipy.signal import lfilter
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.drift import DRIFT, drift_of
 from motor_sysid.diagnosis.where.oscillation import Swing, swing_of
+from motor_sysid.diagnosis.where.other_values import MOVED, OtherValues
 from motor_sysid.diagnosis.where.uneven_records import UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
@@ -31,6 +33,9 @@ from motor_sysid.signals.noise import noise_sigmas
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array]
 """Features (K, f) and targets (K, n_y)."""
+
+Orders = tuple[Sequence[int], Sequence[int]]
+"""Waves per turn that stand out of the unexplained torque, and those that go with the current."""
 
 _LAGS = (0, 1, 2, 3, 5, 8, 12, 18)
 """Delays of what is looked at, samples."""
@@ -104,8 +109,13 @@ class Remainder:
         combined over outputs: one output may have all of the noise, another all of the physics.
     held_alone:
         How many times larger an output's error is over held-out data than over training data
-        (where it counts as sensor noise at least), if the motion predicts none of the latter: then
-        the training data do not show what is missing.  Else 1.
+        (where it counts as sensor noise at least), or the error there than with other values of
+        the parameters if it asks for these, if the motion predicts none of the training error:
+        then these data do not show what is missing.  Else 1.
+    other:
+        What other values of the model's own parameters take away over the held-out data.
+    waves:
+        Waves per turn of a torque in proportion to the current that stand out, strongest first.
     """
 
     floor: dict[str, float]
@@ -118,6 +128,8 @@ class Remainder:
     drift: float = 0.0
     beyond_percent: float = np.inf
     held_alone: float = 1.0
+    other: OtherValues | None = None
+    waves: tuple[int, ...] = ()
 
     @property
     def swings(self) -> bool:
@@ -135,11 +147,17 @@ class Remainder:
         return self.drift > DRIFT
 
     @property
+    def moves(self) -> bool:
+        """Whether held-out data ask for other values of parameters than random loads do."""
+        return self.other is not None and self.other.share > MOVED
+
+    @property
     def share(self) -> float:
         """Share of its square that is missing physics."""
         share = max(self.predictable, self.swing.share if self.swing else 0.0)
         share = max(share, 1.0 - self.unevenness**-2) if self.uneven else share
-        return max(share, self.drift) if self.drifts else share
+        share = max(share, self.drift) if self.drifts else share
+        return max(share, self.other.share) if self.other and self.moves else share
 
     @property
     def structured(self) -> bool:
@@ -167,7 +185,8 @@ def examine_remainder(
     held: Comparison,
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     differenced: Sequence[bool],
-    orders: Sequence[int],
+    orders: Orders,
+    other: OtherValues | None = None,
 ) -> Remainder:
     """Examine the residual of a fitted model.
 
@@ -184,7 +203,9 @@ def examine_remainder(
     differenced:
         For each output, whether its noise is that of differenced counts.
     orders:
-        Waves per turn that stand out of the unexplained torque.
+        See `Orders`.
+    other:
+        As in `Remainder`.
     """
     of_signal = noise_sigmas(validation.measured, differenced)
     floor = np.minimum(of_signal, noise_sigmas(validation.residuals, differenced))
@@ -202,7 +223,9 @@ def examine_remainder(
         unevenness_of(training, held, chains, noise),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
         float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
-        _held_alone(_rms(training), _rms(held), noise, data),
+        _held_alone(_rms(training), _rms(held), noise, data, other),
+        other,
+        tuple(orders[1]),
     )
 
 
@@ -213,10 +236,16 @@ def _rms(comparison: Comparison) -> Array:
 
 
 def _held_alone(
-    training: Array, held: Array, noise: Array, data: tuple[Samples, Samples] | None
+    training: Array,
+    held: Array,
+    noise: Array,
+    data: tuple[Samples, Samples] | None,
+    other: OtherValues | None,
 ) -> float:
     """Return `Remainder.held_alone` from the (n_y,) errors and the noise."""
     ratio = float(np.max(held / np.maximum(np.maximum(training, noise), 1e-300)))
+    if other and other.share > MOVED:
+        ratio = max(ratio, other.times)
     alone = ratio > ONLY_THERE and data is not None and _cross_validated(*data[0]) < STRUCTURE
     return ratio if alone else 1.0
 
@@ -225,7 +254,7 @@ def _regressions(
     training: Comparison,
     held: Comparison,
     chains: tuple[Sequence[Chain], Sequence[Chain]],
-    orders: Sequence[int],
+    orders: Orders,
 ) -> tuple[Samples, Samples] | None:
     """Return features and residuals of training and held-out data; None if too short to tell.
 
@@ -272,7 +301,7 @@ def _cross_validated(x: Array, y: Array) -> float:
 
 
 def _regression(
-    comparison: Comparison, chains: Sequence[Chain], orders: Sequence[int], stride: int
+    comparison: Comparison, chains: Sequence[Chain], orders: Orders, stride: int
 ) -> Samples:
     """Return features of the simulated motion (K, f) and residuals (K, n_y).
 
@@ -299,7 +328,7 @@ def _regression(
                 np.tanh(20 * moved),
                 moved * np.abs(moved),
                 np.abs(moved) * np.tanh(20 * moved[:, ::-1]),
-                _waves(stretch, len(channels), orders),
+                _waves(stretch, moved, orders),
             ),
             axis=1,
         )
@@ -336,9 +365,16 @@ def _slowed(values: Array, tau: float) -> Array:
     return slow
 
 
-def _waves(stretch: Stretch, count: int, orders: Sequence[int]) -> Array:
-    """Return sines and cosines of multiples of the rotor angle, (N, 2 K); none without angle."""
+def _waves(stretch: Stretch, moved: Array, orders: Orders) -> Array:
+    """Return sines and cosines of multiples of the rotor angle, (N, f), beside (N, n_y) outputs.
+
+    Those that go with the current are multiplied by each output.  None without an angle.
+    """
     angle = stretch.drive.position[stretch.scored_from :]
-    if angle.size == 0 or not orders:
-        return np.empty((count, 0))
-    return np.stack([f(n * angle) for n in (1, *orders) for f in (np.sin, np.cos)], axis=1)
+    plain, led = orders
+    waves = [(1, f) for f in (np.sin, np.cos)] if plain else []
+    waves += [(n, f) for n in plain for f in (np.sin, np.cos)]
+    columns = [f(n * angle) for n, f in waves] if angle.size else []
+    if angle.size:
+        columns += [f(n * angle) * y for n in led for f in (np.sin, np.cos) for y in moved.T]
+    return np.stack(columns, axis=1) if columns else np.empty((len(moved), 0))

@@ -252,6 +252,18 @@ def normal_equations(
     return _summed([_weighed(one, weighting) for one in near], near[0].slope.shape[2])
 
 
+def newton_step(gradient: Array, curvature: Array) -> Array:
+    """Return the undamped step to the minimum; along what the data do not see, none.
+
+    It is not a number where the derivatives are none.
+    """
+    if not np.all(np.isfinite(curvature)):
+        return np.full(gradient.shape, np.nan)
+    scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
+    step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
+    return np.asarray(step / scale)
+
+
 def _weighed(one: Linearization, weighting: Weighting) -> Array:
     """Return (K, d + 1) slopes and residuals, weighed, initial states at their best."""
     both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)

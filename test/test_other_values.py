@@ -1,0 +1,89 @@
+"""Held-out data that ask for other values of the model's own parameters."""
+
+from dataclasses import replace
+
+from bench_motor import a_motor, measure, MOTOR, records, voltage_profile
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.search.bench import make_bench
+from motor_sysid.diagnosis.search.rung import climb, judge
+from motor_sysid.diagnosis.where.other_values import held_at_best, MOVED, OtherValues
+from motor_sysid.diagnosis.where.remainder import Remainder
+from motor_sysid.estimation.batch import Problem
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor
+
+STEPS, SEED = 'steps', 5
+
+
+def steps(changes: dict[str, float], seed: int = SEED, seconds: float = 6.0):
+    """Return a record of the motor with some of its parameters multiplied."""
+    rng = np.random.default_rng(seed)
+    model = a_motor({}).with_values({name: f * MOTOR[name] for name, f in changes.items()})
+    return measure(model, voltage_profile(STEPS, seconds, rng), rng)
+
+
+def fitted(held):
+    """Return a fit to a motor as it is, judged on another record."""
+    start = {**MOTOR, 'omega_eps': 0.4, 'i_eps': 1e-2}
+    model = Model.base('brushed_dc', start, speed_sensor=SpeedSensor.DIFFERENCE)
+    bench = make_bench(records({}, seconds=3.0), [held], motor('brushed_dc'), model, 0.3, {})
+    return bench, climb(model, bench)
+
+
+def at_best(bench, rung):
+    problem = Problem(rung.model, bench.held, bench.outputs)
+    return held_at_best(problem, rung.held.residuals, rung.result.weighting)
+
+
+def test_the_parameter_that_is_another_there_is_told_with_its_value():
+    bench, rung = fitted(steps({'R': 1.1}))
+    best, other = at_best(bench, rung)
+    assert other.parameter.name == 'R'
+    assert other.value == pytest.approx(1.1 * MOTOR['R'], rel=0.01)
+    assert other.parameter.value == pytest.approx(MOTOR['R'], rel=0.01)
+    assert other.share > other.alone > 0.95
+    times = rung.held.error_percent / best.error_percent
+    assert other.times == pytest.approx(times, rel=1e-6)
+
+
+def test_the_same_motor_asks_for_nothing_else():
+    """Chance gives each parameter a thousandth of the squares at most, in 6000 samples."""
+    bench, rung = fitted(steps({}))
+    assert at_best(bench, rung)[1].share < 0.01
+
+
+def test_what_is_left_is_judged_with_the_parameters_at_their_best():
+    bench, rung = fitted(steps({}))
+    wrong = {'b': 1.3 * rung.model['b'], 'k_t': 1.02 * rung.model['k_t']}
+    biased = judge(replace(rung.result, model=rung.model.with_values(wrong)), bench)
+    assert biased.held.error_percent > 1.5 * rung.held.error_percent
+    best, _ = at_best(bench, biased)
+    assert best.error_percent == pytest.approx(rung.held.error_percent, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    ('share', 'error', 'structured'),
+    [(0.8, 5.0, True), (0.3, 5.0, False), (0.8, 1.05, False)],
+)
+def test_parameters_that_are_others_there_are_missing_physics_unless_a_trifle(
+    share, error, structured
+):
+    one = motor('brushed_dc').parameters[0]
+    left = Remainder({}, 0.5, error, 4.0, 0.0, other=OtherValues(share, one, 2.0, share))
+    assert left.moves is (share > MOVED)
+    assert left.structured is structured
+
+
+def test_a_winding_that_is_another_over_held_out_data_is_no_complete_model():
+    """The training data know nothing of it, and none of the candidates is it."""
+    train = [steps({}, seed) for seed in (1, 2)]
+    found = diagnose(train, [steps({'L': 0.6})], effects=['coulomb_friction', 'quadratic_drag'])
+    assert found.verdict is Verdict.UNKNOWN_EFFECT
+    said = ' '.join(found.reasons)
+    assert 'other values of the parameters' in said
+    assert 'with L about 1.6 mH instead of 2.4 mH' in said
+    assert 'instead of 2.4' in said
+    assert not found.lent
