@@ -339,6 +339,7 @@ def test_a_neighbour_accounts_for_less_than_the_truth_does():
     ('has', 'further', 'inherits', 'least'),
     [
         ('coulomb_friction', 'iron_loss', False, 400.0),  # both are functions of speed
+        ('speed_sensor_offset', 'quadratic_drag', False, 400.0),  # and what a sensor adds is one
         ('coulomb_friction', 'cogging_torque', False, 0.0),  # one of position
         ('coulomb_friction', 'stribeck_friction', True, 0.0),  # the same law, mended
         ('periodic_load', 'friction_drift', False, 400.0),  # both read the clock
@@ -351,7 +352,18 @@ def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(
 ):
     model = with_effect(has, {effect(has).card.amplitudes[0].name: 1e-3})
     variant = SimpleNamespace(effect=effect(further), inherits=inherits)
-    found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6)
+    found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6, ('current', 'speed'))
+    assert found == pytest.approx(least)
+
+
+@pytest.mark.parametrize(
+    ('outputs', 'least'), [(('current', 'speed'), 0.0), (('speed',), 400.0)]
+)
+def test_the_current_tells_a_misfit_of_the_voltage_from_a_torque(outputs, least):
+    """A bridge that coasts and drag are both functions of speed."""
+    model = with_effect('drive_coast', {'a': 0.5})
+    variant = SimpleNamespace(effect=effect('quadratic_drag'), inherits=False)
+    found = misfit_of_laws(SimpleNamespace(variant=variant), model, 1e6, outputs)
     assert found == pytest.approx(least)
 
 

@@ -9,6 +9,7 @@ import pytest
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.search.bench import make_bench
 from motor_sysid.diagnosis.search.rung import climb, judge
+from motor_sysid.diagnosis.verdict.words import _moved
 from motor_sysid.diagnosis.where.other_values import held_at_best, MOVED, OtherValues
 from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.estimation.batch import Problem
@@ -87,3 +88,12 @@ def test_a_winding_that_is_another_over_held_out_data_is_no_complete_model():
     assert 'with L about 1.6 mH instead of 2.4 mH' in said
     assert 'instead of 2.4' in said
     assert not found.lent
+
+
+def test_a_value_on_its_bound_is_not_told():
+    """It is no other value; the share of all parameters is."""
+    one = replace(motor('brushed_dc').parameters[0], value=2.0)
+    said, bound = (_moved(OtherValues(0.8, one, value, 0.5)) for value in (2.3, 2.0))
+    assert f'50 % with {one.name} about 2.3' in said
+    assert 'about' not in bound
+    assert '80 % of its square' in bound

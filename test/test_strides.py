@@ -1,6 +1,7 @@
 """Fits where a few samples that jump would hold them far above the least error."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from motor_sysid.benchmark.answers import true_base_values, true_effect_values
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
+from motor_sysid.diagnosis.search import strides
 from motor_sysid.diagnosis.search.bench import make_bench
 from motor_sysid.diagnosis.search.rung import climb, judge
 from motor_sysid.diagnosis.search.strides import strode
@@ -70,3 +72,13 @@ def test_a_smooth_fit_stays_as_it_is(chattering):
     smooth = climb(Model.base('brushed_dc', {p.name: true[p.name] for p in bench.kind.parameters}),
                    replace(bench, substeps=1))  # fmt: skip
     assert strode(smooth, replace(bench, substeps=1)) is smooth
+
+
+@pytest.mark.parametrize(('rough', 'much'), [(True, True), (True, False), (False, True)])
+def test_only_what_chatters_and_leaves_much_is_led_on(monkeypatch, rough, much):
+    """Two runs of derivatives are worth it only where a fit may be held far from the truth."""
+    fit, on = SimpleNamespace(model=None), object()
+    monkeypatch.setattr(strides, 'chatters', lambda _: rough)
+    monkeypatch.setattr(strides, 'leaves_much', lambda *_: much)
+    monkeypatch.setattr(strides, 'strode', lambda *_: on)
+    assert strides.freed(fit, None) is (on if rough and much else fit)

@@ -315,8 +315,9 @@ def test_open_initial_states_are_set_to_their_best():
 @pytest.mark.parametrize(
     ('cost', 'after', 'widens', 'more'),
     [
-        (1.05, 1.00, False, True), (1.03, 1.00, False, False),
-        (1.03, 0.90, False, False), (1.03, 0.90, True, True), (1.03, 1.00, True, False),
+        (1.05, 1.00, False, True), (1.03, 1.001, False, True), (1.03, 1.01, False, False),
+        (1.015, 1.00, False, False), (1.03, 0.90, False, False),
+        (1.03, 0.90, True, True), (1.03, 1.00, True, False),
     ],
 )  # fmt: skip
 def test_a_wider_law_that_leaves_less_than_noise_knows_the_noise_better(

@@ -46,6 +46,7 @@ from motor_sysid.diagnosis.search.rung import (
     with_better_sensor,
 )
 from motor_sysid.diagnosis.search.step_ahead import hopeful, in_its_place, second_of
+from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
@@ -172,7 +173,8 @@ class Engine:
         best, _ = deepest(climb(winner.rung.model, self.bench, weighting), self.bench)
         worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
         best = winner.rung if worse or vanished(best.model, winner.key) else best
-        return self.refine(pruned(best, self.bench, self.gains, self.tell))
+        best = self.refine(pruned(best, self.bench, self.gains, self.tell))
+        return freed(best, self.bench)
 
     def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:
         """Fit what a climb came to exactly, and give the verdict.

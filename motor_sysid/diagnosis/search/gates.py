@@ -262,18 +262,27 @@ def is_usual(one: Effect, model: Model) -> bool | None:
     return model[f'{one.key}.{one.card.amplitudes[0].name}'] <= one.card.inherent
 
 
-def misfit_of_laws(scored: Scored, model: Model, explained: float) -> float:
+def misfit_of_laws(
+    scored: Scored, model: Model, explained: float, outputs: Sequence[str]
+) -> float:
     """Return the gain that the misfit of a model's laws may make of a further effect.
 
     What takes the place of one of them mends its law, and what is a function of something else
-    can make up for none.  Of what comes in time, only a law that reads the clock is one of time.
+    can make up for none; nor can what pushes another equation, if each has an output that tells of
+    it.  Of what comes in time, only a law that reads the clock is one of time.
     """
+    forces = {force.name for force in model.kind.forces}
+    mine = scored.variant.effect
 
     def argument(one: Effect) -> tuple[str, bool]:
         return one.card.axis, 't' in one.needs()
 
-    mine, theirs = scored.variant.effect, {argument(effect(key)) for key in model.effects}
-    like = argument(mine) in theirs and not scored.variant.inherits
+    def alike(one: Effect) -> bool:
+        ours, theirs = forces & set(mine.laws), forces & set(one.laws)
+        apart = len(outputs) >= len(forces) and ours and theirs and not ours & theirs
+        return argument(one) == argument(mine) and not apart
+
+    like = not scored.variant.inherits and any(alike(effect(key)) for key in model.effects)
     return FAITHFUL**2 * explained if like else 0.0
 
 

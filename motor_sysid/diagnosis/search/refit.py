@@ -164,7 +164,7 @@ def _followed(
 ) -> Trial:
     """Follow the first steps of a fit of `model` to the end of a rough one, and judge that."""
     rough = rough_fit(first.model, first.weighting, bench, ROUGH_STEPS)
-    if _chatters(model) and leaves_much(level.rung, bench):
+    if chatters(model) and leaves_much(level.rung, bench):
         rough = min(rough, slid(model, first.weighting, bench), key=misfit)
     rough = _undrained(rough, one.variant.effect.key, bench)
     return judged(one, _standing(rough, bench), level, bench)
@@ -194,7 +194,7 @@ def _dried(model: Model, key: str, bench: Bench) -> Model:
     return model.with_values(dict.fromkeys(dry, 0.0)).with_free(dry, free=False)
 
 
-def _chatters(model: Model) -> bool:
+def chatters(model: Model) -> bool:
     """Whether a law of the model has a sign of current."""
     return any('i_eps' in model.effect(key).needs() for key in model.effects)
 

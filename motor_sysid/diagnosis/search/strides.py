@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.rung import judge, Rung, SPOILED
+from motor_sysid.diagnosis.search.further import RESTLESS
+from motor_sysid.diagnosis.search.refit import chatters
+from motor_sysid.diagnosis.search.rung import judge, leaves_much, Rung, SPOILED
 from motor_sysid.estimation.batch import Linearization, Problem, Weighting
 from motor_sysid.estimation.batch.least_squares import (
     newton_step,
@@ -34,6 +36,16 @@ SHARES = np.array([1.0, 0.5, 0.25])
 
 WORTH = 4.0
 """Fall of the whitened sum of squares that is worth a step: two standard errors."""
+
+
+def freed(rung: Rung, bench: Bench) -> Rung:
+    """Return a fit that much is left of, followed over strides if a sign of the current holds it.
+
+    Parameters that make up for where it is held (an inductance twice too large) look like another
+    missing effect.
+    """
+    held = chatters(rung.model) and leaves_much(rung, bench, RESTLESS)
+    return strode(rung, bench) if held else rung
 
 
 def strode(rung: Rung, bench: Bench) -> Rung:

@@ -38,6 +38,10 @@ ONLY_NOISE = 1.02
 SURELY_MORE = 1.04
 """The same from which on a model leaves something for certain: a noise model is that much off."""
 
+JUST = 0.1
+"""Share of what is above noise that may be left of it, or taken beyond it, where that is less: what
+a noise model has not right, no law takes away just so."""
+
 MOMENTS_APART = 100
 """Moments of a record that can be told apart: what matters lasts a hundredth of it."""
 
@@ -130,9 +134,12 @@ class Level:
 
         The whole dictionary knows the noise, and better than it does a law that `widens` one of
         the model and leaves less: no touch of each effect makes a law that is far from linear.
+        Less is certain, too, where just that is taken away: then the noise is as it was told.
         """
         noise = min(float(self.rows), after) if widens else float(self.rows)
-        return self.cost > SURELY_MORE * noise
+        just = abs(after - self.rows) < JUST * (self.cost - self.rows)
+        told = just and self.cost > ONLY_NOISE * self.rows
+        return self.cost > SURELY_MORE * noise or (told and not widens)
 
     def clears(self, after: float) -> bool:
         """Whether what leaves `after` leaves nothing but noise where there was more."""
@@ -184,7 +191,8 @@ def judged(
     deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or clears)
     mends = level.mends(after)
     inexact = max(
-        misfit_of_laws(scored, rung.model, level.explained), bench.wrong * level.cost
+        misfit_of_laws(scored, rung.model, level.explained, bench.outputs),
+        bench.wrong * level.cost,
     )
     threshold = max(bench.threshold, inexact)
     note = gate_note(

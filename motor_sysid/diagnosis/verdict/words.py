@@ -109,10 +109,12 @@ def _moved(other: OtherValues) -> str:
     """Say which parameter the held-out data want otherwise."""
     one = other.parameter
     value, now = (with_unit(v, one.unit, 2) for v in (other.value, one.value))
+    most = f'{100 * other.alone:.0f} % with {one.name} about {value} instead of {now}'
+    bound = value == now  # it would go further than makes sense
     return (
         f'{100 * other.share:.0f} % of its square would go with other values of the parameters '
-        f'there ({100 * other.alone:.0f} % with {one.name} about {value} instead of {now}, '
-        f'{one.description}): what heats, saturates or wears looks like that'
+        'there' + ('' if bound else f' ({most}, {one.description})') + ': what heats, saturates '
+        'or wears looks like that'
     )
 
 

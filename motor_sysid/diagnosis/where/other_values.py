@@ -84,7 +84,7 @@ def held_at_best(
     step = np.where(np.arange(z.size) == k, gradient / energy, 0.0)
     alone = comparison_of([one.residual - one.slope @ step for one in near], problem)
     one = problem.free[k]
-    value = problem.model_at(z + step)[one.name]
+    value = problem.model_at(np.clip(z + step, *problem.box()))[one.name]
     return best, OtherValues(_less(best, now), one, value, _less(alone, now))
 
 
