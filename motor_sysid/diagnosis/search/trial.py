@@ -39,8 +39,8 @@ SURELY_MORE = 1.04
 """The same from which on a model leaves something for certain: a noise model is that much off."""
 
 JUST = 0.1
-"""Share of what is above noise that may be left, or taken beyond it, where that is less: what a noise
-model has not right, no law takes away just so."""
+"""Share of what is above noise that may be left, or taken beyond it, where that is less: what a
+noise model has not right, no law takes away just so."""
 
 MOMENTS_APART = 100
 """Moments of a record that can be told apart: what matters lasts a hundredth of it."""
