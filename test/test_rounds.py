@@ -49,8 +49,21 @@ def test_where_nothing_passes_finite_trials_get_a_turn_whatever_their_score():
         a_score('current_sensor_lag', -5.0, finite=True),
         a_score('current_sensor_lag', -7.0, finite=True),
     ]  # fmt: skip
-    found = unpromised(Scores(singles, [], None), {'quadratic_drag', 'input_delay'})
+    trials = [SimpleNamespace(key=k, passes=False) for k in ('quadratic_drag', 'input_delay')]
+    found = unpromised(Scores(singles, [], None), trials)
     assert [[one.delta_bic for one in starts] for starts in found] == [[-5.0, -7.0]]
+
+
+@pytest.mark.parametrize(
+    ('gain', 'evidence', 'turn'),
+    [(0.3, 790.0, True), (0.3, -9.0, False), (8.0, 790.0, False), (None, 790.0, True)],
+)
+def test_loads_behind_a_play_get_a_turn_where_what_passes_brings_little(gain, evidence, turn):
+    """A touch of one may tell of the wrong sign: a lag passed with 0.3 % where a play had 14 %."""
+    singles = [a_score('backlash', evidence, finite=False)]
+    trial = SimpleNamespace(key='speed_sensor_lag', passes=gain is not None, gain_percent=gain)
+    found = unpromised(Scores(singles, [], None), [trial])
+    assert [starts[0].variant.effect.key for starts in found] == ['backlash'] * turn
 
 
 def test_what_widens_an_effect_of_the_model_gets_a_turn_whatever_its_score():

@@ -6,9 +6,11 @@ missing for noise: scores tell little of which effect it is, and evidence is wei
 
 from collections.abc import Callable, Sequence, Set
 
+import numpy as np
+
 from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import UNPHYSICAL
+from motor_sysid.diagnosis.search.gates import MIN_FURTHER_GAIN_PERCENT, UNPHYSICAL
 from motor_sysid.diagnosis.search.refit import best_per_effect, better_of, STARTS
 from motor_sysid.diagnosis.search.rung import Rung, slopes
 from motor_sysid.diagnosis.search.trial import Trial
@@ -26,17 +28,25 @@ RESTLESS = 1.5
 error looks like as it is."""
 
 
-def unpromised(scores: Scores, tried: Set[str]) -> list[list[Scored]]:
-    """Return the starts of effects, but for those that were tried, whose score promises nothing.
+def unpromised(scores: Scores, trials: Sequence[Trial]) -> list[list[Scored]]:
+    """Return the starts of effects beside `trials` whose score tells nothing of their worth.
 
     A finite trial (a delay, a lag) is scored beside base parameters that may have gone far astray
-    to make up for the effect: an inductance, say, for the lag of a sensor.
+    to make up for the effect: an inductance, say, for the lag of a sensor.  They have their turn
+    where nothing passes.  Of a load behind a play a touch tells that there is something, and not
+    of which sign: where what passes lowers the held-out error by little, such loads have theirs.
     """
-    finite = [
-        one for one in scores.singles
-        if not one.variant.model.parameters.free and one.variant.effect.key not in tried
-    ]  # fmt: skip
-    return best_per_effect(finite, len(finite))
+    tried = {trial.key for trial in trials}
+    best = max((trial.gain_percent for trial in trials if trial.passes), default=-np.inf)
+
+    def has_a_turn(one: Scored) -> bool:
+        if best == -np.inf and not one.variant.model.parameters.free:
+            return True
+        weak = best < MIN_FURTHER_GAIN_PERCENT
+        return weak and bool(one.variant.effect.card.grid) and one.delta_bic > 0.0
+
+    further = [o for o in scores.singles if o.variant.effect.key not in tried and has_a_turn(o)]
+    return best_per_effect(further, len(further))
 
 
 def passed_over(scores: Scores, tried: Set[str]) -> list[list[Scored]]:

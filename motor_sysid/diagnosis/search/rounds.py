@@ -166,8 +166,8 @@ def refitted(
 
     with ThreadPoolExecutor(WORKERS) as pool:
         trials = list(pool.map(roughly, chosen))
-        if level.cost > ONLY_NOISE * level.rows and not any(trial.passes for trial in trials):
-            trials += pool.map(roughly, unpromised(scores, {trial.key for trial in trials}))
+        if level.cost > ONLY_NOISE * level.rows:
+            trials += pool.map(roughly, unpromised(scores, trials))
         if thorough and not helps(trials) and is_lost(rung, bench, base, RESTLESS):
             lost = is_lost(rung, bench, base)
             count = (limit if base else None) if lost else 0
