@@ -74,20 +74,15 @@ def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch):
     assert best_twosome(base, scores, bench, lambda text: None) is None
 
 
-@pytest.mark.slow
-def test_one_effect_that_only_a_pair_leads_to_is_named(monkeypatch):
-    """A shaft whose fit alone ends in a valley from which held-out data run worse."""
-    engine, pairs = import_module('motor_sysid.diagnosis.engine'), []
-    monkeypatch.setattr(
-        engine, 'best_twosome', lambda *given: pairs.append(best_twosome(*given)) or pairs[-1]
-    )
+def test_a_shaft_whose_fit_ends_in_a_valley_at_first_is_named():
+    """The rough fit of it ends at twice the load, and lowers the held-out error the less."""
     scenario, number = named_case('single/flexible_shaft/3/1')
     case = draw(scenario, 6600, number)
     found = diagnose(case.train, case.valid, motor='brushed_dc')
-    assert len(pairs) == 1
     assert found.effects == ('flexible_shaft',)
-    (told,) = (c for c in found.steps[0].candidates if c.effect == 'flexible_shaft')
-    assert told.validation_error_percent < 0.6 * found.steps[0].validation_error_percent
+    assert found.model['flexible_shaft.r'] == pytest.approx(0.176, rel=0.03)
+    before, after = (step.validation_error_percent for step in found.steps)
+    assert after < 0.5 * before
 
 
 def test_of_a_complete_motor_there_is_no_twosome():
