@@ -372,9 +372,9 @@ def _waves(stretch: Stretch, moved: Array, orders: Orders) -> Array:
     """
     angle = stretch.drive.position[stretch.scored_from :]
     plain, led = orders
-    waves = [(1, f) for f in (np.sin, np.cos)] if plain else []
-    waves += [(n, f) for n in plain for f in (np.sin, np.cos)]
-    columns = [f(n * angle) for n, f in waves] if angle.size else []
-    if angle.size:
-        columns += [f(n * angle) * y for n in led for f in (np.sin, np.cos) for y in moved.T]
-    return np.stack(columns, axis=1) if columns else np.empty((len(moved), 0))
+    if not angle.size or not (plain or led):
+        return np.empty((len(moved), 0))
+    pair = (np.sin, np.cos)
+    columns = [f(n * angle) for n in ((1, *plain) if plain else ()) for f in pair]
+    columns += [f(n * angle) * y for n in led for f in pair for y in moved.T]
+    return np.stack(columns, axis=1)
