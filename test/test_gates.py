@@ -356,6 +356,15 @@ def test_the_misfit_of_a_law_is_no_further_function_of_the_same_thing(
     assert found == pytest.approx(least)
 
 
+@pytest.mark.parametrize(('after', 'passes'), [(5.0, True), (5.09, True), (5.2, False)])
+@pytest.mark.parametrize('further', [True, False])
+def test_what_spoils_the_held_out_error_does_not_pass_for_one_channel(after, passes, further):
+    """The small error of one channel may fall while the large one of another rises."""
+    model = with_effect('quadratic_drag', {'k_d': 1e-8})
+    found = note(model, 'quadratic_drag', gain=5.5, further=further, held=(5.0, after))
+    assert (found == '') is passes
+
+
 @pytest.mark.parametrize(
     ('outputs', 'least'), [(('current', 'speed'), 0.0), (('speed',), 400.0)]
 )

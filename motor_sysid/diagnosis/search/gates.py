@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.score import Scored
-from motor_sysid.diagnosis.search.rung import certainty, Rung, vanished
+from motor_sysid.diagnosis.search.rung import certainty, Rung, SPOILED, vanished
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect, Scale
@@ -365,6 +365,8 @@ def gate_note(
     trifling = scored.variant.inherits and not mends
     if is_usual(scored.variant.effect, new.model) and gain > -MIN_GAIN_PERCENT:
         return ''
+    if new.held.error_percent > SPOILED * old.held.error_percent:
+        return f'{TOO_LITTLE} nothing'
     if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least) and (
         further or is_worth_it(new, old, gain)
     ):
