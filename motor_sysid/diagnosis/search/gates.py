@@ -362,14 +362,12 @@ def gate_note(
         return f'{lost} {TAKES_OVER}'
     further = bool(old.model.effects)
     least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
-    trifling = scored.variant.inherits and not mends
+    least = MIN_WIDER_GAIN_PERCENT if scored.variant.inherits and not mends else least
     if is_usual(scored.variant.effect, new.model) and gain > -MIN_GAIN_PERCENT:
         return ''
     if new.held.error_percent > SPOILED * old.held.error_percent:
         return f'{TOO_LITTLE} nothing'
-    if certain and gain > (MIN_WIDER_GAIN_PERCENT if trifling else least) and (
-        further or is_worth_it(new, old, gain)
-    ):
+    if certain and gain > least and (further or is_worth_it(new, old, gain)):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'{TOO_LITTLE} ' + (f'{gain:.1f} % only' if gain > 0.0 else 'nothing')
