@@ -74,7 +74,7 @@ def test_waves_that_go_with_the_current_stand_out_without_an_effect_of_the_catal
 
 @pytest.mark.parametrize('random', [0.0, 1e-3, 3e-3])
 def test_nothing_else_goes_with_the_current_in_waves(random):
-    """Of 400 orders the best explains 10 or less by chance; one in 1e5 motors reaches 20."""
+    """White noise makes the best of 400 orders explain 20 in one motor of 50, 50 in one of 1e8."""
     assert matched(random=random).led_orders() == ()
 
 

@@ -91,3 +91,12 @@ def test_a_model_that_cannot_be_simulated_beside_the_fit_keeps_its_standard_erro
         return np.where(np.any(moves != 0.0, axis=1), np.nan, 0.0)
 
     np.testing.assert_array_equal(told_by(slope, rise), 1.0)
+
+
+def test_what_nothing_tells_of_is_infinitely_unknown_and_makes_no_warning(recwarn):
+    """Its root overflows when squared; that is no reason to call it known, nor not a number."""
+    slope = a_slope(3)
+    slope[:, 2] *= 1e-160
+    found = told_by(slope, parabola(slope))
+    assert np.all(np.isfinite(found))
+    assert not recwarn.list

@@ -148,7 +148,8 @@ def _moments(
         along += _from_end(column * lack.force)[place]
         shared = _from_end(column[:, np.newaxis] * lack.basis)[place]
         size += _from_end(column**2)[place] - np.sum(shared**2, axis=1)
-    gain = along**2 / np.maximum(size, 1e-300)
+    with np.errstate(over='ignore', invalid='ignore'):  # laws may run away on what is measured
+        gain = along**2 / np.maximum(size, 1e-300)
     gain[size <= 1e-6 * np.max(size)] = 0.0
     chosen: list[float] = []
     for k in np.argsort(-gain).tolist():

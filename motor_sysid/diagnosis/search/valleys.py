@@ -133,8 +133,9 @@ def less_known(around: Around) -> Array:
         root = root + root @ (flat * (reach - 1.0)) @ flat.T
         if np.all(reach < AGAIN):
             break
-    factors: Array = _size(root) / _size(begun)
-    return np.maximum(factors, 1.0)
+    with np.errstate(over='ignore', invalid='ignore'):  # what nothing tells of has no size
+        before, after = _size(begun), _size(root)
+        return np.where(np.isfinite(before), np.maximum(after / before, 1.0), 1.0)
 
 
 def _flat_directions(around: Around, root: Array, random: np.random.Generator) -> Array:
