@@ -39,3 +39,16 @@ def test_a_start_into_a_step_is_the_sample_itself():
     state = started(0.1, noisy, current=current)
     assert state['omega'] == noisy[0]
     assert state['i'] == current[0]
+
+
+def test_a_start_into_a_step_is_not_read_through_it():
+    """At 200 Hz, as a level changes: of the current no start is sought, of the speed one is."""
+    rng = np.random.default_rng(5)
+    rows = np.arange(300)
+    rise = np.where(rows > 0, 1.0 - np.exp(-rows / 3.4), 0.0)
+    speed = 100.0 + 400.0 * rise + rng.normal(size=300)
+    answer = np.where(rows > 0, np.exp(-rows / 3.4), 0.0)
+    current = 0.5 + 8.0 * answer + 0.02 * rng.normal(size=300)
+    state = started(5e-3, speed, current=current)
+    assert state['omega'] == pytest.approx(100.0, abs=25.0)
+    assert state['i'] == pytest.approx(0.5, abs=0.1)

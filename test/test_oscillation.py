@@ -62,3 +62,12 @@ def test_a_swing_is_missing_physics_if_it_is_no_trifle():
     assert left(0.5, 4.0).swings
     assert not left(0.05, 4.0).structured
     assert not left(0.2, 2.0).structured
+
+
+def test_a_swing_that_is_a_trifle_in_the_held_out_data_counts_where_training_data_show_it():
+    def left(training):
+        swing = Swing(2.8, 0.9)
+        return Remainder({}, 0.2, 0.7, 3.5, 0.0, swing, training_percent=training)
+
+    assert left(4.0).structured
+    assert not left(0.8).structured

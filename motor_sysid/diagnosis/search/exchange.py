@@ -11,7 +11,13 @@ from motor_sysid.diagnosis.candidates.score import Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
 from motor_sysid.diagnosis.search.gates import is_impossible, MIN_FURTHER_GAIN_PERCENT
-from motor_sysid.diagnosis.search.ranking import margin_of, may_rival, RIVAL_BIC, RIVAL_SHARE
+from motor_sysid.diagnosis.search.ranking import (
+    margin_of,
+    may_rival,
+    related,
+    RIVAL_BIC,
+    RIVAL_SHARE,
+)
 from motor_sysid.diagnosis.search.refit import (
     best_per_effect,
     parameters_of,
@@ -124,26 +130,48 @@ class Exchange:
         """
         ahead: list[tuple[float, str, Trial]] = []
         for key in keys:
-            if not rivals.get(key):
+            favoured = self.favoured(key, rung)
+            if not rivals.get(key) and not favoured:
                 continue
             slim, scores = self.without(rung, key)
             level = Level.of(slim, self.bench, scores.weighting)
             after = profile_cost(rung, self.bench, scores.weighting)[0]
             mine = level.gain(rung, self.bench)
             margin = margin_of(mine, after / level.rows)
-            trials = {name: self.trial(name, level, scores) for name in rivals[key]}
-            rivals[key] = tuple(
-                name
-                for name, trial in trials.items()
-                if trial is None or (may_rival(trial) and trial.delta_bic > mine - margin)
-            )
-            found = [t for t in trials.values() if t and t.passes and not _spoils(t.rung, rung)]
+            trials = {name: self.trial(name, level, scores) for name in rivals.get(key, ())}
+            if key in rivals:
+                rivals[key] = tuple(
+                    name
+                    for name, trial in trials.items()
+                    if trial is None or (may_rival(trial) and trial.delta_bic > mine - margin)
+                )
+            begun = [t for t in favoured if t.key not in trials]
+            others = [settled(_beside(t, slim), level, self.bench) for t in begun]
+            found = [t for t in (*trials.values(), *others) if t and t.passes]
+            found = [t for t in found if not _spoils(t.rung, rung)]
             ahead += [(t.delta_bic - mine, key, t) for t in found if t.delta_bic > mine + margin]
         if not ahead:
             return None
         _, key, trial = max(ahead, key=lambda one: one[0])
-        rivals.pop(key)
+        rivals.pop(key, None)
         return self.exchanged(key, trial, rung)
+
+    def favoured(self, key: str, rung: Rung) -> list[Trial]:
+        """Return what held-out data spoke for more, where an effect of a fit was added.
+
+        As it was tried then: what was still missing may have made the effect the better one in
+        the training data.
+        """
+        found: dict[str, Trial] = {}
+        for trials in self.tried.values():
+            mine = next((t for t in trials if t.key == key and t.passes), None)
+            if mine is None:
+                continue
+            for t in trials:
+                near = t.passes and t.delta_bic > ALTERNATIVE * mine.delta_bic
+                if near and t.gain_percent > mine.gain_percent and not related(t, mine):
+                    found.setdefault(t.key, t)
+        return [t for name, t in found.items() if name not in rung.model.effects]
 
     def exchanged(self, key: str, trial: Trial, rung: Rung) -> Rung:
         """Return the fit in which what was tried has taken the place of an effect."""

@@ -86,7 +86,8 @@ def _structure(left: Remainder) -> str:
     """Say what tells that what is left is no noise."""
     if left.swing and left.swings:
         share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
-        return f'{share:.0f} % of it swings at {pace}, as in the training data'
+        there = f'{left.training_percent:.3g} % error'
+        return f'{share:.0f} % of it swings at {pace}, as in the training data ({there})'
     if left.other and left.moves and left.other.share > left.predictable:
         return _moved(left.other)
     if left.drifts and left.predictable < STRUCTURE:

@@ -116,6 +116,8 @@ class Remainder:
         What other values of the model's own parameters take away over the held-out data.
     waves:
         Waves per turn of a torque in proportion to the current that stand out, strongest first.
+    training_percent:
+        The error on the data that were fitted: what swings in both may be large there alone.
     """
 
     floor: dict[str, float]
@@ -130,6 +132,7 @@ class Remainder:
     held_alone: float = 1.0
     other: OtherValues | None = None
     waves: tuple[int, ...] = ()
+    training_percent: float = 0.0
 
     @property
     def swings(self) -> bool:
@@ -163,6 +166,8 @@ class Remainder:
     def structured(self) -> bool:
         """Whether something remains that is missing physics and no trifle."""
         size = min(self.error_percent * np.sqrt(self.share), self.beyond_percent)
+        if self.swing:
+            size = max(size, self.training_percent * np.sqrt(self.swing.share))
         told = self.above_floor and self.share > STRUCTURE and size > TRIFLE_PERCENT
         return bool(told or self.large)
 
@@ -226,6 +231,7 @@ def examine_remainder(
         _held_alone(_rms(training), _rms(held), noise, data, other),
         other,
         tuple(orders[1]),
+        training.error_percent,
     )
 
 

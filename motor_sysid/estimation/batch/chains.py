@@ -21,6 +21,9 @@ _COARSE = 0.015
 _START_SPANS, _NEAR, _SURELY = (21, 11, 5), 1000, 20.0
 """Samples that a parabola goes through where a run starts; samples on either side that noise is
 read from; and how many times the noise the parabola may be off."""
+_BROKEN = 0.05
+"""How far it may be off where samples are not coarse, as a share of how the signal varies: that is
+a step within the samples, or the current that answers to one."""
 _WINDOW, _RUN_IN = 1500, 100
 _WORTH_THINNING = 1.5
 PIECE, _PAIRS = 500, 4
@@ -243,10 +246,13 @@ def _stretch(
 def _value_at(values: Array, index: int, *, coarse: bool) -> float:
     """Value of a noisy signal at a sample: a parabola through its surroundings.
 
-    Of a speed that was sampled so `coarse` that a motor may settle from one sample to the next,
-    through as many of them as one fits; if none does, it is the sample itself.
+    Through as many of them as one fits; if none does, it is the sample itself.  Of a speed that
+    was sampled so `coarse` that a motor may settle from one sample to the next, one fits that is
+    as near as the noise; of others, one that is not broken by a step.
     """
-    noise = _noise_of(values[max(index - _NEAR, 0) : index + _NEAR]) if coarse else np.inf
+    near = values[max(index - _NEAR, 0) : index + _NEAR]
+    noise = _noise_of(near)
+    limit = _SURELY * noise if coarse else max(_SURELY * noise, _BROKEN * float(np.std(near)))
     for span in _START_SPANS:
         first = max(index - span // 2, 0)
         around = values[first : first + span]
@@ -254,7 +260,7 @@ def _value_at(values: Array, index: int, *, coarse: bool) -> float:
         rows = np.arange(first, first + around.size)
         fitted = np.polynomial.Polynomial.fit(rows, around, degree)
         left = float(np.sum((around - fitted(rows)) ** 2)) / max(around.size - degree - 1, 1)
-        if left <= (_SURELY * noise) ** 2:
+        if left <= limit**2:
             return float(fitted(index))
     return float(values[index])
 
