@@ -18,6 +18,7 @@ from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
     may_rival,
+    rivals_alone,
     rivals_of,
     winner_of,
 )
@@ -146,6 +147,17 @@ def test_a_rival_is_close_behind_and_closer_where_only_noise_is_left(behind, exc
     """Within 10, or within 2 % of the winner's 1000 where it leaves more than noise."""
     best = trial('quadratic_drag', 1000.0, excess=excess)
     assert rivals_of(best, [best, trial('cogging_torque', 1000.0 - behind)], BASE) == rivals
+
+
+def test_what_a_pair_came_to_has_the_rivals_that_it_has_alone():
+    """Two effects at once, of which one went again: which one of them may be chance."""
+    mine, other = trial('friction_drift', 60.0), trial('iron_loss', 64.0)
+    base = run(0.0 * WAVES[0], Model.base('brushed_dc', MOTOR))
+    assert rivals_alone([(base, [other, mine]), (mine.rung, [])]) == {
+        'friction_drift': ('iron_loss',)
+    }
+    both = trial('friction_drift', 60.0, beside=('iron_loss',))
+    assert rivals_alone([(base, [other, mine]), (both.rung, [])]) == {}
 
 
 @pytest.mark.parametrize(

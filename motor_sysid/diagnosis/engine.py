@@ -20,6 +20,7 @@ from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
     may_rival,
+    rivals_alone,
     rivals_left,
     rivals_of,
     winner_of,
@@ -100,19 +101,20 @@ class Engine:
             rung, self.bench = refined(rung, self.bench)
         bench = self.bench
         ladder, rivals = self.climb([], rung)
-        begun = ladder[:1]
+        base, first = ladder[0]
         found = self.finish(ladder, rivals)
         if found.verdict is not Verdict.UNKNOWN_EFFECT or self.settings.max_effects < TWO:
             return found
-        self.bench, base = bench, begun[0][0]
+        self.bench = bench
         pair = best_twosome(base, self.seen[state_of(base.model)][1], bench, self.tell)
         if pair is None:
             return found
         rung, gain, alone = pair
         own = [key for key in rung.model.effects if key not in base.model.effects]
-        begun = [(base, alone + [t for t in begun[0][1] if not alone or t.key not in own])]
+        begun = [(base, alone + [t for t in first if not alone or t.key not in own])]
         self.gains, self.notes = dict.fromkeys(own, gain), []
-        again = self.finish(*self.climb(begun, self.refine(rung)))
+        ladder, rivals = self.climb(begun, self.refine(rung))
+        again = self.finish(ladder, rivals_alone(ladder) | rivals)
         return again if again.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS) else found
 
     def climb(self, begun: Ladder, rung: Rung) -> tuple[Ladder, Rivals]:

@@ -14,7 +14,7 @@ from motor_sysid.diagnosis.search.gates import (
 )
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.synonyms import is_other_name
-from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -103,6 +103,18 @@ def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, 
     if _is_lost(winner):
         return tuple(t.key for t in equals)
     return tuple(t.key for t in equals if alike(compared(base, winner.rung, t.rung)))
+
+
+def rivals_alone(ladder: Ladder) -> dict[str, tuple[str, ...]]:
+    """Return the rivals of an effect to which a second climb has come by way of a pair.
+
+    Those that did as well alone on the model without effects; none where more than one is left.
+    """
+    (base, trials), (last, _) = ladder[0], ladder[-1]
+    own = set(last.model.effects) - set(base.model.effects)
+    mine = next((t for t in trials if {t.key} == own and may_rival(t)), None)
+    others = [t for t in trials if may_rival(t)]
+    return {mine.key: rivals_of(mine, others, base)} if mine else {}
 
 
 def rivals_left(
