@@ -92,6 +92,31 @@ def test_a_rival_that_gets_ahead_takes_the_place(monkeypatch, ahead, keys, left)
     assert rivals == left
 
 
+@pytest.mark.parametrize(
+    ('evidence', 'gain', 'keys'),
+    [
+        (0.9, 20.0, {'brush_voltage_drop', 'coulomb_friction'}),
+        (0.9, 4.0, None),
+        (0.7, 20.0, None),
+    ],
+)
+def test_what_held_out_data_spoke_for_more_is_asked_again(evidence, gain, keys):
+    """Drag was added for its evidence; beside the brushes friction does better, as it should."""
+    engine, _ = exchange_of()
+    base = next(now for (keys, _), (now, _) in engine.seen.items() if not keys)
+    trials = {key: refitted(key, engine.bench, base)[0] for key in FEW[:2]}
+    drag = replace(trials['quadratic_drag'], delta_bic=1000.0, gain_percent=5.0, note='')
+    friction = replace(
+        trials['coulomb_friction'], delta_bic=1000.0 * evidence, gain_percent=gain, note=''
+    )
+    engine = replace(engine, tried={state_of(base.model): [drag, friction]})
+    wrong = base.model.with_effect('quadratic_drag', {}, engine.bench.scales)
+    wrong = wrong.with_effect('brush_voltage_drop', {'v_b': 0.5}, engine.bench.scales)
+    rung = climb(wrong, engine.bench)
+    other = engine.asked_again(rung, ['quadratic_drag'], {})
+    assert (other and set(other.model.effects)) == keys
+
+
 def test_what_only_the_training_data_speak_for_takes_no_place_and_is_no_rival(monkeypatch):
     engine, rung = exchange_of()
 
