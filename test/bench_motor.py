@@ -41,7 +41,7 @@ def a_motor(effects: Mapping[str, Mapping[str, float]]) -> Model:
 
 
 def measure(
-    model: Model, volts: np.ndarray, rng: np.random.Generator, *, torque_noise: float = 0.0
+    model: Model, volts: np.ndarray, rng: np.random.Generator, *, substeps: int = 16
 ) -> Record:
     """Return what realistic sensors see of the motor.
 
@@ -49,7 +49,7 @@ def measure(
     offset and 12 bits over 20 A.
     """
     record = Record(DT * np.arange(volts.size), {'voltage': volts}, {'voltage': 'V'})
-    run = simulate(model, record, follow_position=False, substeps=16)
+    run = simulate(model, record, follow_position=False, substeps=substeps)
     step = 2 * np.pi / COUNTS
     angle = step * np.floor(run.outputs['position'] / step + rng.uniform())
     speed = np.diff(angle, prepend=angle[0]) / DT

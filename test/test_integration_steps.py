@@ -3,7 +3,7 @@
 from dataclasses import replace
 from types import SimpleNamespace
 
-from bench_motor import records
+from bench_motor import a_motor, measure, records, voltage_profile
 import numpy as np
 import pytest
 from test_trials import prepared, refitted
@@ -43,6 +43,18 @@ def test_what_coarse_steps_follow_badly_is_asked_again_in_finer_ones():
     finer, asked = asked_finer(rung, [smooth, bent], bench)
     assert finer.substeps == asked.substeps > bench.substeps
     assert finer.model.effects == rung.model.effects
+
+
+def test_many_waves_within_a_sample_are_followed():
+    """Four of them pass in a sample at full speed, and nothing of the motor smooths them."""
+    true = a_motor({'torque_ripple': {'a': 0.1, 'b': 0.0, 'n': 150.0}}).with_values({'L': 2e-5})
+    rng = np.random.default_rng(1)
+    data = [measure(true, voltage_profile('triangle', 3.0, rng), rng, substeps=256)]
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE, L=2e-5)
+    ripple = rung.model.with_effect('torque_ripple', {'a': 0.1, 'b': 0.0, 'n': 150.0})
+    found, finer = refined(climb(ripple, bench), bench)
+    assert finer.substeps == steps.UTMOST
+    assert found.model['torque_ripple.a'] == pytest.approx(0.1, rel=0.1)
 
 
 @pytest.mark.slow

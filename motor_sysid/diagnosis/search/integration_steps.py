@@ -42,6 +42,9 @@ Array = NDArray[np.float64]
 FINEST = 16
 """Most integration steps per sample of the last fit, whose parameters are told."""
 
+UTMOST = 64
+"""The same where these are still no bearable ones: many waves of a ripple may pass in a sample."""
+
 MOVE = 0.25
 """Move of a parameter that is worth no finer steps, in standard errors."""
 
@@ -119,7 +122,7 @@ def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult,
     while True:
         steps, _ = _fine_enough(model, some)
         some = replace(some, substeps=steps)
-        found = rough_fit(model, weighting, some, ROUGH_STEPS, finest=FINEST)
+        found = rough_fit(model, weighting, some, ROUGH_STEPS, finest=UTMOST)
         model = found.model
         again, right = _fine_enough(model, some)
         if again == steps:
@@ -135,8 +138,11 @@ def _fine_enough(model: Model, bench: Bench) -> tuple[int, bool]:
     steps, right = _steps(model, bench, FINER, _small)
     if right:
         return steps, right
-    finer, _ = _steps(model, replace(bench, substeps=steps), FINEST, _bearable)
-    return finer, False
+    for most in (FINEST, UTMOST):
+        steps, bearable = _steps(model, replace(bench, substeps=steps), most, _bearable)
+        if bearable:
+            break
+    return steps, False
 
 
 def _wrong(rung: Rung, bench: Bench) -> float:
