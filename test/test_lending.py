@@ -169,8 +169,24 @@ def test_an_effect_is_drowned_that_is_held_back_by_a_far_larger_error(named, cha
     last = replace(
         named.steps[-1], train_error_percent=1.0, candidates=(replace(FRICTION, **change),)
     )
-    found = replace(named, unknown=LEFT, steps=(*named.steps[:-1], last))
+    found = replace(named, unknown=LEFT, steps=(*named.steps[:-1], last), noise_sigma={})
     assert shows_only_there(found) is (times > DROWNED)
+    assert drowned(found) == pytest.approx(times)
+
+
+@pytest.mark.parametrize(('noise', 'times'), [(0.55, 15.0), (0.3, 1.0)])
+def test_what_the_training_data_ask_for_is_told_beyond_their_noise(named, noise, times):
+    """An effect that leaves 0.6 of 1 % leaves little where the sensors make 0.55 % of it."""
+    asked = replace(FRICTION, train_error_percent=0.6)
+    last = replace(named.steps[-1], train_error_percent=1.0, candidates=(asked,))
+    steps = (*named.steps[:-1], last)
+    sigma = {'speed': 0.01 * noise * 50.0, 'current': 0.01 * noise * 2.0}
+    train, held = counting(2000), counting(2000)
+    signals = {'speed': np.full(2000, 50.0), 'current': np.full(2000, -2.0)}
+    train = Record(train.time, {**train.signals, **signals}, train.units)
+    found = replace(
+        named, steps=steps, noise_sigma=sigma, records=(train, held), roles=('train', 'validate')
+    )
     assert drowned(found) == pytest.approx(times)
 
 

@@ -9,13 +9,16 @@ data is then fitted, too, the rest judges, and all gates stay as they are.
 
 from dataclasses import replace
 
+import numpy as np
+
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.gates import HELD_BACK
 from motor_sysid.diagnosis.where.remainder import ONLY_THERE
 from motor_sysid.estimation.batch.chains import PIECE
 
 MOST_OF_IT = 0.5
-"""Training error that an effect leaves, in units of that without it, if the data ask for it."""
+"""Training error beyond sensor noise that an effect leaves, in units of that without it, if the
+data ask for it."""
 
 DROWNED = 2.0
 """Held-out error, in units of the training error, that drowns what such an effect brings."""
@@ -35,16 +38,27 @@ def drowned(found: Diagnosis) -> float:
 
     That is how many times larger the error is there that it leaves; 1 if there is no such effect.
     """
-    last = found.steps[-1]
-    most = MOST_OF_IT * last.train_error_percent
+    last, noise = found.steps[-1], _training_noise(found)
+    most = MOST_OF_IT**2 * (last.train_error_percent**2 - noise**2) + noise**2
     return max(
         (
             one.validation_error_percent / one.train_error_percent
             for one in last.candidates
-            if one.note.startswith(HELD_BACK) and 0.0 < one.train_error_percent < most
+            if one.note.startswith(HELD_BACK) and 0.0 < one.train_error_percent**2 < most
         ),
         default=1.0,
     )
+
+
+def _training_noise(found: Diagnosis) -> float:
+    """Return the error that sensor noise alone makes over the training data, in percent."""
+    pairs = zip(found.records, found.roles, strict=True)
+    train = [record for record, role in pairs if role == 'train']
+    shares = [
+        sigma**2 / np.mean(np.concatenate([record[name] for record in train]) ** 2)
+        for name, sigma in found.noise_sigma.items()
+    ]
+    return float(100 * np.sqrt(np.mean(shares))) if shares else 0.0
 
 
 def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
