@@ -57,6 +57,18 @@ def test_many_waves_within_a_sample_are_followed():
     assert found.model['torque_ripple.a'] == pytest.approx(0.1, rel=0.1)
 
 
+def test_steps_are_as_fine_as_faster_held_out_data_ask_for():
+    """At a tenth of the speed a sample is short for 40 waves a turn; not at full speed."""
+    true = a_motor({'torque_ripple': {'a': 0.1, 'b': 0.0, 'n': 40.0}}).with_values({'L': 2e-5})
+    rng = np.random.default_rng(1)
+    volts = voltage_profile('triangle', 3.0, rng)
+    slow, fast = (measure(true, size * volts, rng, substeps=64) for size in (0.1, 1.0))
+    bench, rung = prepared([slow], SpeedSensor.DIFFERENCE, [fast], L=2e-5)
+    ripple = rung.model.with_effect('torque_ripple', {'a': 0.1, 'b': 0.0, 'n': 40.0})
+    assert steps._fine_enough(ripple, replace(bench, held=()))[0] <= steps.FINER
+    assert steps._fine_enough(ripple, bench)[0] > steps.FINER
+
+
 @pytest.mark.slow
 def test_a_ripple_faster_than_the_steps_is_no_delay():
     """45 waves a turn at 1 kHz, no position: half a sample of delay fits what is left of it."""

@@ -42,8 +42,9 @@ Array = NDArray[np.float64]
 FINEST = 16
 """Most integration steps per sample of the last fit, whose parameters are told."""
 
-UTMOST = 64
-"""The same where these are still no bearable ones: many waves of a ripple may pass in a sample."""
+UTMOST, QUICK = 64, 0.5
+"""The same where many waves of a ripple pass within a sample: more than these radians in one of
+`FINEST` steps, at the root mean square of the speed."""
 
 MOVE = 0.25
 """Move of a parameter that is worth no finer steps, in standard errors."""
@@ -132,17 +133,34 @@ def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult,
 def _fine_enough(model: Model, bench: Bench) -> tuple[int, bool]:
     """Return so many integration steps that more are not worth it, and if what they do is small.
 
+    Over the training data and over the held-out ones, which may run faster.
+    """
+    steps, right = _enough(model, bench)
+    held = replace(bench, train=bench.held, substeps=steps)
+    steps, there = _enough(model, held) if bench.held else (steps, True)
+    return steps, right and there
+
+
+def _enough(model: Model, bench: Bench) -> tuple[int, bool]:
+    """Return the same over the training data alone.
+
     Finer ones than `FINER` are worth it only where their error is not bearable; waves that pass
     within a sample are not followed at all before steps are finer than the waves.
     """
     steps, right = _steps(model, bench, FINER, _small)
     if right:
         return steps, right
-    for most in (FINEST, UTMOST):
-        steps, bearable = _steps(model, replace(bench, substeps=steps), most, _bearable)
-        if bearable:
-            break
+    steps, bearable = _steps(model, replace(bench, substeps=steps), FINEST, _bearable)
+    if not bearable and _ripples(model, bench) > QUICK * FINEST:
+        steps, _ = _steps(model, replace(bench, substeps=steps), UTMOST, _bearable)
     return steps, False
+
+
+def _ripples(model: Model, bench: Bench) -> float:
+    """Return the radians of the finest wave over a turn that pass within a sample."""
+    cards = [(key, effect(key).card.orders) for key in model.effects]
+    waves = [model[f'{key}.{orders}'] for key, orders in cards if orders]
+    return bench.scales.speed * bench.scales.sample * max(waves, default=0.0)
 
 
 def _wrong(rung: Rung, bench: Bench) -> float:
