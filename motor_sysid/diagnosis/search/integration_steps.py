@@ -133,11 +133,12 @@ def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult,
 def _fine_enough(model: Model, bench: Bench) -> tuple[int, bool]:
     """Return so many integration steps that more are not worth it, and if what they do is small.
 
-    Over the training data and over the held-out ones, which may run faster.
+    Over the training data; waves over a turn also over the held-out ones, which may run faster.
     """
     steps, right = _enough(model, bench)
-    held = replace(bench, train=bench.held, substeps=steps)
-    steps, there = _enough(model, held) if bench.held else (steps, True)
+    if not bench.held or not _ripples(model, bench):
+        return steps, right
+    steps, there = _enough(model, replace(bench, train=bench.held, substeps=steps))
     return steps, right and there
 
 
