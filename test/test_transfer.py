@@ -60,9 +60,9 @@ def test_a_second_of_data_predicts_better_with_a_sister(drive, least):
 
 
 def test_errors_are_as_large_as_their_sigmas_and_data_take_over():
-    """RMS of error over sigma over 12 motors and six parameters; shares go where the data are."""
+    """RMS of error over sigma over 24 motors and six parameters; shares go where the data are."""
     ratios, shares = [], {name: [] for name in TYPE}
-    for seed in range(12):
+    for seed in range(24):
         model, prior, truth, rng = drawn(100 + seed)
         found = transfer(problem(model, recorded(truth, lazy(1.0, rng), rng), prior))
         for one in found.shares:
