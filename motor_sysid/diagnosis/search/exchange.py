@@ -126,7 +126,8 @@ class Exchange:
         """Ask the rivals of what was added early again, now that the rest is there.
 
         What was still missing then may have favoured either.  A rival that has fallen behind is
-        no longer one; the model with a rival that has got ahead is returned.
+        no longer one; the model with a rival that has got ahead is returned.  What held-out data
+        `favoured` is asked as well, though it was none.
         """
         ahead: list[tuple[float, str, Trial]] = []
         for key in keys:
