@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from motor_sysid.diagnosis.verdict.words import complete
 from motor_sysid.diagnosis.where.oscillation import Swing, swing_of
 from motor_sysid.diagnosis.where.remainder import Remainder
 
@@ -71,3 +72,11 @@ def test_a_swing_that_is_a_trifle_in_the_held_out_data_counts_where_training_dat
 
     assert left(4.0).structured
     assert not left(0.8).structured
+
+
+@pytest.mark.parametrize(('noise', 'told'), [(25.0, True), (2.0, False)])
+def test_noise_that_is_much_for_sensors_is_told(noise, told):
+    """Play at 5 ms a sample passes for noise: nothing in the record tells the two apart."""
+    left = Remainder({}, noise, noise, 1.0, 0.0)
+    words = ' '.join(complete(SimpleNamespace(validation_error_percent=noise), left, []))
+    assert ('much for sensors' in words) is told

@@ -15,7 +15,12 @@ from motor_sysid.diagnosis.search.gates import UNSTEADY
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.verdict.verdict import disagree
 from motor_sysid.diagnosis.where.other_values import OtherValues
-from motor_sysid.diagnosis.where.remainder import Remainder, STRUCTURE, TRIFLE_PERCENT
+from motor_sysid.diagnosis.where.remainder import (
+    LARGE_PERCENT,
+    Remainder,
+    STRUCTURE,
+    TRIFLE_PERCENT,
+)
 from motor_sysid.physics.effects import effect
 
 _EXPERIMENTS = {
@@ -41,6 +46,11 @@ def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[st
         lines.append(
             'What remains above the sensor noise is not predictable from the input, as random '
             'load or drive ripple is.'
+        )
+    if left.floor_percent > LARGE_PERCENT:
+        lines.append(
+            'That is much for sensors: what swings or strikes within a few samples, as play does, '
+            'looks like their noise. To do: sample faster, and record the motor at rest'
         )
     return [*lines, *(f'{spot.words} {_advice(spot)}' for spot in spots if spot.effects)]
 
