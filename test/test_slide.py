@@ -32,7 +32,7 @@ def idle_motor(seed: int) -> Record:
 
 
 def test_a_narrow_sign_of_the_current_is_fitted_from_a_wide_one():
-    """Of six motors all within 5 %; directly, four were off by more when this was written."""
+    """Of six motors all within 5 %; directly, five were off by more when this was written."""
     off = {'directly': 0, 'from a wide sign': 0}
     for seed in range(3, 9):
         bench, linear = bench_of([idle_motor(seed)], [], None, 'brushed_dc', {}, 0.2)

@@ -55,7 +55,7 @@ def _training_noise(found: Diagnosis) -> float:
     pairs = zip(found.records, found.roles, strict=True)
     train = [record for record, role in pairs if role == 'train']
     shares = [
-        sigma**2 / np.mean(np.concatenate([record[name] for record in train]) ** 2)
+        sigma**2 / max(np.mean(np.concatenate([r[name] for r in train]) ** 2), 1e-300)
         for name, sigma in found.noise_sigma.items()
     ]
     return float(100 * np.sqrt(np.mean(shares))) if shares else 0.0
