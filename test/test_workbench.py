@@ -9,7 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
-from threading import Thread
+from threading import Event, Thread
 from typing import TYPE_CHECKING
 from urllib.request import urlopen
 
@@ -139,7 +139,11 @@ def test_one_change_at_a_time(bench: Workbench) -> None:
     assert (status, b'another change is under way' in why) == (409, True)
 
 
-@pytest.mark.parametrize('body', ['', '[]', '{"step": "x", "effect": 1}', '{"step": 1}', '"\\'])
+@pytest.mark.parametrize(
+    'body',
+    ['', '[]', '{"step": "x", "effect": 1}', '{"step": 1}', '"\\', '[' * 4000,
+     '{"step": 1e999, "effect": "x"}'],
+)  # fmt: skip
 def test_a_body_that_makes_no_sense_is_refused(bench: Workbench, body: str) -> None:
     assert ask(bench, 'POST', '/actions/add', body)[0] == 400
 
@@ -151,10 +155,31 @@ def test_strangers_are_refused(bench: Workbench) -> None:
     body = {'step': 0, 'effect': 'quadratic_drag'}
     for origin in ('http://evil.example', 'null', f'http://localhost:{port}'):
         assert ask(bench, 'POST', '/actions/add', body, Origin=origin)[0] == 403
-    for path in ('/../x', '/actions/add', '/assets', '/model.yaml', '/model.yaml?step=99'):
+    for path in (
+        '/../x', '/actions/add', '/assets', '/model.yaml', '/model.yaml?step=99',
+        '/model.yaml?step=%C2%B2', f'/model.yaml?step={"9" * 5000}',
+    ):  # fmt: skip
         assert ask(bench, 'GET', path)[0] == 404
     assert ask(bench, 'POST', '/actions/clear', body)[0] == 404
     assert ask(bench, 'POST', '/actions/add', 'x' * 10_000)[0] == 400
+    assert ask(bench, 'POST', '/actions/add', '', **{'Content-Length': '\u00b2'})[0] == 400
+
+
+def test_a_fault_of_ours_is_answered_and_told_in_the_terminal(
+    bench: Workbench, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    def fail(step: int, effect: str) -> None:
+        raise ZeroDivisionError('a fault')
+
+    monkeypatch.setattr(bench.session, 'add', fail)
+    status, why = act(bench, 'add', 0, 'quadratic_drag')
+    assert (status, b'a fault' in why) == (500, True)
+    monkeypatch.undo()
+    assert act(bench, 'add', 0, 'flux')[0] == 409  # it goes on
+    told = ''
+    while 'ZeroDivisionError' not in told:  # the answer comes first
+        told += capfd.readouterr().err
+    assert 'Traceback' in told
 
 
 def test_it_listens_to_this_machine_only_and_a_taken_port_is_said(bench: Workbench) -> None:
@@ -208,6 +233,137 @@ def test_the_error_falls_at_a_click(chromium: 'Browser', bench: Workbench) -> No
     wait(page, 'document.querySelector("#status").textContent.includes("cannot be fitted")')
     assert page.evaluate('page.view.steps.length') == count + 2
     context.close()
+
+
+@pytest.fixture
+def opened(chromium: 'Browser', bench: Workbench) -> Iterator['Page']:
+    """Return the page, which shows the last model; it must end without script errors."""
+    context = chromium.new_context(viewport={'width': 1280, 'height': 800})
+    page = context.new_page()
+    trouble: list[str] = []
+    page.on('pageerror', lambda error: trouble.append(str(error)))
+    page.goto(bench.address)
+    page.wait_for_selector('body[data-ready]')
+    yield page
+    context.close()
+    assert trouble == []
+
+
+@pytest.fixture
+def slow(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Event]:
+    """Return what lets a change begin that was asked for."""
+    go_on = Event()
+    remove = bench.session.remove
+
+    def late(step: int, key: str) -> None:
+        bench.doing = 'removing something'
+        assert go_on.wait(30)
+        remove(step, key)
+
+    monkeypatch.setattr(bench.session, 'remove', late)
+    yield go_on
+    go_on.set()
+
+
+REMOVE = 'button[aria-label="Remove Coulomb friction"]'
+COUNT = 'page.view.steps.length'
+
+
+def test_what_is_being_done_stays_said(opened: 'Page', slow: Event, bench: Workbench) -> None:
+    count = opened.evaluate(COUNT)
+    opened.click('#model-table button:has-text("M1")')
+    opened.click(REMOVE)
+    opened.wait_for_timeout(300)
+    assert opened.inner_text('#status').startswith('Removing')
+    opened.click('#model-table button:has-text("M0")')
+    assert opened.inner_text('#status').startswith('Removing')
+    free = 'document.querySelectorAll("button.act:not([aria-disabled])").length'
+    assert opened.evaluate(free) == 0
+    opened.evaluate('document.querySelector(".other button").click()')  # one change at a time
+    assert opened.inner_text('#status').startswith('Removing')
+    other = opened.context.new_page()
+    other.goto(bench.address)  # while the change is under way
+    other.wait_for_selector('body[data-ready]')
+    wait(other, 'page.doing !== ""')
+    slow.set()
+    for each in (opened, other):
+        wait(each, f'{COUNT} === {count + 1} && page.step === {count}')
+        wait(each, 'page.doing === ""')
+        assert f'M{count}' in each.inner_text('#status')
+        assert each.evaluate(free) > 0
+        assert each.evaluate('location.hash') == f'#M{count}'
+
+
+def test_what_a_user_has_chosen_stays(opened: 'Page') -> None:
+    count = opened.evaluate(COUNT)
+    charts = 'uPlot.sync("motor_sysid").plots.length'
+    opened.click('#model-table button:has-text("M1")')
+    opened.click('#panels label:has-text("voltage")')
+    opened.select_option('#error-of', 'current')
+    opened.click('#stretches button:has-text("all")')
+    opened.select_option('#curves select >> nth=0', index=2)
+    kept = '[page.traces.kept(), [...page.traces.kept().shown], page.where.kept()]'
+    before, drawn = opened.evaluate(kept), opened.evaluate(charts)
+    opened.focus(REMOVE)
+    opened.keyboard.press('Enter')
+    wait(opened, f'{COUNT} === {count + 1}')
+    assert opened.evaluate(kept) == before
+    assert opened.evaluate(charts) == drawn
+    assert opened.evaluate('document.querySelector("#error-of").value') == 'current'
+    pressed = opened.locator('#stretches button[aria-pressed="true"]')
+    assert pressed.all_inner_texts() == ['all']
+    assert not opened.is_checked('#panels label:has-text("voltage") input')
+    # The keyboard goes on at the model that came of it.
+    assert opened.evaluate('document.activeElement.textContent') == f'M{count}'
+    opened.focus('#model-table button:has-text("M0")')
+    opened.keyboard.press('Enter')
+    assert opened.evaluate('document.activeElement.textContent') == 'M0'
+    assert opened.evaluate('page.step') == 0
+
+
+def test_keys_work_wherever_nothing_else_takes_them(opened: 'Page') -> None:
+    opened.click('#model-table button:has-text("M0")')
+    opened.keyboard.press('n')
+    assert opened.evaluate('page.step') == 1
+    opened.click('#zoom [data-zoom="in"]')
+    before = opened.evaluate('page.traces.range()')
+    opened.keyboard.press('ArrowLeft')
+    assert opened.evaluate('page.traces.range()[0]') < before[0]
+    opened.focus('.other select')
+    opened.keyboard.press('p')
+    assert opened.evaluate('page.step') == 1
+
+
+def test_a_reload_shows_the_same_model_in_the_same_light(opened: 'Page') -> None:
+    opened.click('#model-table button:has-text("M1")')
+    opened.click('#theme')
+    assert opened.evaluate('isDark()')
+    opened.reload()
+    opened.wait_for_selector('body[data-ready]')
+    assert opened.evaluate('[isDark(), page.step]') == [True, 1]
+
+
+def test_a_workbench_that_began_anew_is_shown(opened: 'Page', bench: Workbench) -> None:
+    opened.evaluate('page.ghost = "99"')  # a model that is not there after the start
+    birth, bench._birth = bench._birth, 'another'
+    try:
+        wait(opened, 'page.view.version.startsWith("another")')
+        assert opened.evaluate('page.ghost') == 'previous'
+        assert opened.is_hidden('#gone')
+    finally:
+        bench._birth = birth
+
+
+def test_units_stay_what_they_are(opened: 'Page') -> None:
+    assert opened.evaluate('unitText("N m s^0.5/rad^0.5")') == 'N\u00b7m\u00b7s^0.5/rad^0.5'
+    assert opened.evaluate('unitText("kg m^2")') == 'kg\u00b7m\u00b2'
+    assert opened.evaluate('prefix(0.0123, "1/(V A)")') == [1, '']
+    assert opened.evaluate('prefix(0.0123, "N m")') == [1000, 'm']
+
+
+def test_a_workbench_that_does_not_answer_is_said(opened: 'Page') -> None:
+    opened.route('**/state.json', lambda route: None)
+    opened.wait_for_selector('#gone', state='visible', timeout=5000)
 
 
 def test_a_workbench_that_is_gone_is_said(chromium: 'Browser', bench: Workbench) -> None:

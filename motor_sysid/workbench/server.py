@@ -15,6 +15,7 @@ from urllib.parse import parse_qs, urlsplit
 from motor_sysid.errors import UserError
 from motor_sysid.physics.store import dump_model
 from motor_sysid.workbench.report import page_html, report_html
+from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.session import Session
 
 HOST = '127.0.0.1'
@@ -64,11 +65,12 @@ class Workbench(ThreadingHTTPServer):
 
     @property
     def state(self) -> dict[str, str]:
-        """Which models there are, and what is being done."""
-        return {
-            'version': f'{self._birth}-{len(self.session.diagnosis.steps)}',
-            'doing': self.doing,
-        }
+        """Which view there is, and what is being done."""
+        return {'version': self.version_of(self.view), 'doing': self.doing}
+
+    def version_of(self, view: View) -> str:
+        """Return what tells a view from those before it, and from those of another start."""
+        return f'{self._birth}-{len(view["steps"])}'
 
     def act(self, verb: str, step: int, effect: str) -> None:
         """Add or remove an effect; the view is a new one then.
@@ -105,7 +107,7 @@ class _Answer(BaseHTTPRequestHandler):
         if url.path == '/':
             self._send(page_html().encode(), 'text/html')
         elif url.path == '/view.json':
-            self._send_json(self.server.view)
+            self._send_view()
         elif url.path == '/state.json':
             self._send_json(self.server.state)
         elif url.path == '/report.html':
@@ -118,12 +120,13 @@ class _Answer(BaseHTTPRequestHandler):
 
     def do_POST(self) -> None:
         """Change the model."""
-        size = self.headers.get('Content-Length', '')
-        if not size.isdigit() or int(size) > LONGEST:
+        text = self.headers.get('Content-Length', '')
+        size = _count(text)
+        if size is None or size > LONGEST:
             self.close_connection = True
-            self._refuse(HTTPStatus.BAD_REQUEST, f'a body of {size or "unknown"} bytes')
+            self._refuse(HTTPStatus.BAD_REQUEST, f'a body of {text or "unknown"} bytes')
             return
-        body = self.rfile.read(int(size))
+        body = self.rfile.read(size)
         if not self._is_ours():
             return
         if self.headers.get('Origin') != f'http://{self.headers["Host"]}':
@@ -136,15 +139,19 @@ class _Answer(BaseHTTPRequestHandler):
         try:
             asked = json.loads(body)
             step, effect = int(asked['step']), str(asked['effect'])
-        except (ValueError, KeyError, TypeError):
+        except (ValueError, KeyError, TypeError, OverflowError, RecursionError):
             self._refuse(HTTPStatus.BAD_REQUEST, 'the body is no {"step": ..., "effect": ...}')
             return
         try:
             self.server.act(verb, step, effect)
         except UserError as problem:
             self._refuse(HTTPStatus.CONFLICT, str(problem))
+        except Exception as problem:
+            why = f'this is a fault of motor_sysid, told in the terminal: {problem!r}'
+            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, why)
+            raise
         else:
-            self._send_json(self.server.view)
+            self._send_view()
 
     def log_message(self, *args: object) -> None:
         """Say nothing: the terminal belongs to the progress of the work."""
@@ -159,11 +166,17 @@ class _Answer(BaseHTTPRequestHandler):
 
     def _send_model(self, step: str) -> None:
         steps = self.server.session.diagnosis.steps
-        if not step.isdigit() or int(step) >= len(steps):
+        number = _count(step)
+        if number is None or number >= len(steps):
             self._refuse(HTTPStatus.NOT_FOUND, f'there is no model M{step}')
             return
-        text = dump_model(steps[int(step)].model).encode()
-        self._send(text, 'application/yaml', f'model_M{int(step)}.yaml')
+        text = dump_model(steps[number].model).encode()
+        self._send(text, 'application/yaml', f'model_M{number}.yaml')
+
+    def _send_view(self) -> None:
+        """Send what there is to see, with its version."""
+        view = self.server.view
+        self._send_json({**view, 'version': self.server.version_of(view)})
 
     def _send_json(self, document: object) -> None:
         self._send(json.dumps(document, allow_nan=False).encode(), 'application/json')
@@ -185,3 +198,8 @@ class _Answer(BaseHTTPRequestHandler):
         self.end_headers()
         with suppress(ConnectionError):  # the tab was closed before the answer came
             self.wfile.write(body)
+
+
+def _count(text: str) -> int | None:
+    """Return the number that a few digits are; None if they are none."""
+    return int(text) if text.isdecimal() and len(text) < 6 else None

@@ -1,15 +1,21 @@
 'use strict';
 /* State of the page and what happens when it changes. */
 
-const page = {view: null, step: 0, ghost: 'previous', traces: null, where: null, candidates: null, timer: null};
+const page = {view: null, step: 0, ghost: 'previous', traces: null, where: null, candidates: null, timer: null,
+  doing: ''};
 
 const ghostOf = (step) =>
   (page.ghost === 'none' ? null : page.ghost === 'previous' ? parentOf(page.view, step)
     : Number(page.ghost) === step ? null : Number(page.ghost));
 
 function pick(step, announce = true) {
+  page.step = Math.min(page.view.steps.length - 1, Math.max(0, step));
+  keepingFocus(drawModel);
+  if (announce && !page.doing) say(page.step);
+}
+
+function drawModel() {
   const {view} = page;
-  page.step = Math.min(view.steps.length - 1, Math.max(0, step));
   drawNow(view, page.step);
   drawLadder(view, page.step, pickByHand);
   drawStepper(view, page.step, pickByHand);
@@ -21,7 +27,15 @@ function pick(step, announce = true) {
   drawGhostKey();
   $('#keep-model').href = `model.yaml?step=${page.step}`;
   reachScrolled();
-  if (announce) say(page.step);
+}
+
+/** Draw, and give the keyboard back the control that it was on, or the model shown where that is gone. */
+function keepingFocus(draw) {
+  const hold = document.activeElement?.dataset.hold;
+  draw();
+  if (!hold || document.activeElement !== document.body) return;
+  const next = $(`[data-hold="${CSS.escape(hold)}"]`) || $('#model-table .current .link');
+  next?.focus({preventScroll: true});
 }
 
 /** What scrolls can be reached with the keyboard. */
@@ -35,6 +49,11 @@ function reachScrolled() {
 function pickByHand(step) {
   stopPlaying();
   pick(step);
+  keepAddress();
+}
+
+/** The model shown is in the address: it is shown again after a reload. */
+function keepAddress() {
   try {
     history.replaceState(null, '', `#${page.view.steps[page.step].name}`);
   } catch {
@@ -77,21 +96,21 @@ function fillControls() {
   const {view, traces} = page;
   const press = (button) => $('#stretches').querySelectorAll('button').forEach((b) =>
     b.setAttribute('aria-pressed', String(b === button)));
-  const choice = (text, from, to, on) => el('button', {type: 'button', 'aria-pressed': String(on),
+  const home = traces.kept().home;
+  const choice = (text, from, to) => el('button', {type: 'button', 'aria-pressed': String(from === home[0] && to === home[1]),
     onclick: (event) => {
       press(event.currentTarget);
       traces.go(from, to);
     }}, text);
   const stretches = stretchesOf(view, traces);
-  const focused = ([, from, to]) => from === view.focus[0] && to === view.focus[1];
   $('#stretches').replaceChildren(...(view.records.length > 1
-    ? [choice('all', ...traces.all(), false), ...stretches.map((s) => choice(...s, focused(s)))] : []));
+    ? [choice('all', ...traces.all()), ...stretches.map((s) => choice(...s))] : []));
   $('#panels').replaceChildren(...view.panels.slice(1).map((p) => el('label', {},
-    el('input', {type: 'checkbox', checked: p.shown, onchange: (e) => traces.toggle(p.key, e.target.checked)}), p.title)));
+    el('input', {type: 'checkbox', checked: traces.isShown(p.key), onchange: (e) => traces.toggle(p.key, e.target.checked)}), p.title)));
   const outputs = traces.errorOutputs();
   $('#errors').hidden = outputs.length < 2;
   $('#error-of').replaceChildren(...outputs.map((o) =>
-    el('option', {value: o, selected: o === view.primary}, o.replace(/_/g, ' '))));
+    el('option', {value: o, selected: o === traces.kept().errorOf}, o.replace(/_/g, ' '))));
   $('#error-of').onchange = (e) => traces.show({errorOf: e.target.value});
   fillGhosts();
 }
@@ -129,8 +148,8 @@ function drawGhostKey() {
 }
 
 function onKey(event) {
-  const free = event.target === document.body || event.target.closest('#plots');
-  if (!free || event.ctrlKey || event.metaKey || event.altKey) return;
+  const taken = event.target.closest('input, select, textarea') || event.target.matches('.scroll');
+  if (taken || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === 'n' || event.key === 'N') pickByHand(page.step + 1);
   else if (event.key === 'p' || event.key === 'P') pickByHand(page.step - 1);
   else page.traces.key(event);
@@ -144,12 +163,30 @@ function setTheme(dark) {
   page.where.redraw();
 }
 
+const THEME = 'motor_sysid theme';
+
+/** The theme that was chosen last time (null: as the system has it), or choose one. */
+function chosenTheme(...choice) {
+  try {
+    if (choice.length) localStorage.setItem(THEME, ...choice);
+    return localStorage.getItem(THEME) || null;
+  } catch {
+    return null; /* this page may not keep anything */
+  }
+}
+
 const isDark = () => document.documentElement.dataset.theme === 'dark';
 
 function listen() {
   const system = matchMedia('(prefers-color-scheme: dark)');
-  system.addEventListener('change', (event) => setTheme(event.matches));
-  $('#theme').onclick = () => setTheme(!isDark());
+  system.addEventListener('change', (event) => {
+    chosenTheme('');
+    setTheme(event.matches);
+  });
+  $('#theme').onclick = () => {
+    setTheme(!isDark());
+    chosenTheme(document.documentElement.dataset.theme);
+  };
   $('#back').onclick = () => pickByHand(page.step - 1);
   $('#forward').onclick = () => pickByHand(page.step + 1);
   $('#play').onclick = play;
@@ -199,14 +236,16 @@ function listenToPrinter() {
 /* --- actions: only where something answers ----------------------------------------------- */
 
 const EVERY = 700;
+/** Milliseconds in which somebody who is there answers; one who computes may take longer. */
+const PATIENCE = 2000;
+const PATIENCE_AT_WORK = 10000;
 
 async function change(verb, effect) {
-  busy(`${verb === 'add' ? 'Adding' : 'Removing'} ${effect.replace(/_/g, ' ')}`);
+  if (page.doing) return;
   page.acting = true;
+  busy(`${verb === 'add' ? 'adding' : 'removing'} ${effect.replace(/_/g, ' ')}`);
   try {
-    const view = await act(verb, page.step, effect);
-    page.version = null;
-    take(view, -1);
+    take(await act(verb, page.step, effect), -1);
   } catch (error) {
     busy('');
     $('#status').textContent = error instanceof TypeError ? 'The workbench does not answer.' : error.message;
@@ -214,43 +253,59 @@ async function change(verb, effect) {
   page.acting = false;
 }
 
-/** Show a new view, the traces as they are, and one of its models (-1: the last). */
+/** Show a new view, all else as the user has it, and one of its models (-1: the last). */
 function take(view, step) {
-  const range = page.traces.range();
-  show(view);
-  page.traces.look(range);
-  pick(step < 0 ? view.steps.length + step : step);
   busy('');
+  show(view);
+  pick(step < 0 ? view.steps.length + step : step);
+  keepAddress();
 }
 
 /** Say what is being done; meanwhile nothing else can be asked for. */
 function busy(doing) {
+  const ended = page.doing && !doing;
+  page.doing = doing;
   document.body.classList.toggle('busy', Boolean(doing));
-  document.querySelectorAll('button.act').forEach((button) => { button.disabled = Boolean(doing); });
+  document.querySelectorAll('button.act').forEach((button) => {
+    if (doing) button.setAttribute('aria-disabled', 'true');
+    else button.removeAttribute('aria-disabled');
+  });
   if (doing) $('#status').textContent = `${cap(doing)} …`;
+  else if (ended) say(page.step);
 }
 
 /** Follow what other tabs do and how far the work is, and say so if nobody answers. */
 async function follow() {
+  let state = null;
+  let view = null;
   try {
-    const {version, doing} = await (await fetch('state.json')).json();
-    $('#gone').hidden = true;
-    if (doing) busy(doing);
-    else if (!page.acting) {
-      if (page.version && page.version !== version) take(await loadView(), -1);
-      else busy('');
-      page.version = version;
-    }
+    state = await ask('state.json', page.doing ? PATIENCE_AT_WORK : PATIENCE);
+    if (!state.doing && !page.acting && state.version !== page.view.version) view = await loadView();
   } catch {
-    $('#gone').hidden = false;
+    state = null;
   }
   setTimeout(follow, EVERY);
+  $('#gone').hidden = state !== null;
+  if (state?.doing) busy(state.doing);
+  else if (state && !page.acting) {
+    if (view) take(view, -1);
+    else busy('');
+  }
 }
 
+/** What tells data apart; how many points are drawn of them depends on the number of models. */
+const dataOf = (view) =>
+  JSON.stringify(view.records.map((r) => [r.source, r.label, r.role, r.start, r.end, r.samples]));
+
+/** Show a view: of the same data as before with all that the user has chosen. */
 function show(view) {
+  const same = page.view && dataOf(page.view) === dataOf(view);
+  const kept = same ? {traces: page.traces.kept(), where: page.where.kept()} : {};
+  page.traces?.destroy();
   page.view = view;
-  page.traces = makeTraces(view);
-  page.where = makeWhere(view, page.traces.mark);
+  if (Number(page.ghost) >= view.steps.length) page.ghost = 'previous';
+  page.traces = makeTraces(view, kept.traces);
+  page.where = makeWhere(view, page.traces.mark, kept.where);
   page.candidates = makeCandidates(view, change);
   document.title = `motor_sysid ${view.actions ? 'workbench' : 'report'} · ${view.source}`;
   $('#kind').textContent = view.actions ? 'workbench' : 'report';
@@ -270,7 +325,8 @@ function lengthText(view) {
 }
 
 async function start() {
-  setTheme(matchMedia('(prefers-color-scheme: dark)').matches);
+  const theme = chosenTheme();
+  setTheme(theme ? theme === 'dark' : matchMedia('(prefers-color-scheme: dark)').matches);
   try {
     show(await loadView());
   } catch (error) {

@@ -4,9 +4,13 @@
 /** The one place where the page gets its data: embedded in a report, fetched from a server. */
 async function loadView() {
   const embedded = document.getElementById('view');
-  if (embedded) return JSON.parse(embedded.textContent);
-  const answer = await fetch('view.json');
-  if (!answer.ok) throw new Error(`no view: ${answer.status} ${answer.statusText}`);
+  return embedded ? JSON.parse(embedded.textContent) : ask('view.json');
+}
+
+/** Get something of the server, within so many milliseconds if they are given. */
+async function ask(name, patience) {
+  const answer = await fetch(name, patience ? {signal: AbortSignal.timeout(patience)} : {});
+  if (!answer.ok) throw new Error(`no ${name}: ${answer.status} ${answer.statusText}`);
   return answer.json();
 }
 
@@ -73,7 +77,7 @@ const SUPERSCRIPTS = {'-': '⁻', 0: '⁰', 1: '¹', 2: '²', 3: '³', 4: '⁴',
 const raise = (text) => String(text).replace(/[-0-9]/g, (c) => SUPERSCRIPTS[c]);
 function unitText(unit) {
   if (unit in UNITS) return UNITS[unit];
-  return unit.replace(/\bohm\b/g, 'Ω').replace(/\^(-?\d+)/g, (_, n) => raise(n)).replace(/ /g, '·');
+  return unit.replace(/\bohm\b/g, 'Ω').replace(/\^(-?\d+)(?![\d.])/g, (_, n) => raise(n)).replace(/ /g, '·');
 }
 const bracketed = (unit) => (unitText(unit) ? ` [${unitText(unit)}]` : '');
 
@@ -117,7 +121,7 @@ function withSigma(value, sigma) {
 /** A factor and a prefix that make the largest of some values easy to read: [1000, 'm']. */
 function prefix(largest, unit) {
   if (!unit || unit === '1' || unit === 'rad' || unit === '%' || !(largest > 0)) return [1, ''];
-  if (/^(kg|ohm)/.test(unit)) return [1, ''];
+  if (/^(kg|ohm|1\/)/.test(unit)) return [1, ''];
   if (largest < 0.5e-3) return [1e6, 'µ'];
   if (largest < 0.5) return [1e3, 'm'];
   if (largest >= 2e4) return [1e-3, 'k'];

@@ -3,6 +3,10 @@
 
 const SHORT_LIST = 7;
 
+/** A button that changes the model. What is pressed stays where the keyboard finds it: it is not disabled. */
+const actButton = (attributes, text) => el('button', {type: 'button', class: 'act', ...attributes,
+  'aria-disabled': page.doing ? 'true' : null}, text);
+
 function table(caption, heads, rows) {
   return el('table', {}, el('caption', {}, caption),
     el('thead', {}, el('tr', {}, heads.map((h) => el('th', {scope: 'col'}, h)))),
@@ -34,9 +38,9 @@ function makeCandidates(view, onAct) {
       el('p', {class: 'aside-note'}, 'ΔBIC: how much the training data speak for it, less a price for each parameter; what counts begins at 20 or above.')];
     if (!passing) parts.unshift(el('p', {class: 'none'}, ...nothingPasses(view, view.steps[step])));
     if (candidates.length > SHORT_LIST && passing < candidates.length) {
-      parts.push(el('button', {type: 'button', class: 'more', onclick: () => {
+      parts.push(el('button', {type: 'button', class: 'more', 'data-hold': 'more', onclick: () => {
         all = !all;
-        draw();
+        keepingFocus(draw);
       }}, all ? 'Show fewer' : `Show ${candidates.length - count} more`));
     }
     if (view.actions) parts.push(anyOther());
@@ -48,8 +52,8 @@ function makeCandidates(view, onAct) {
     const own = view.steps[step].effects.map((e) => e.key);
     const choice = el('select', {'aria-label': 'Effect to add'}, view.effects.filter((e) => !own.includes(e.key))
       .map((e) => el('option', {value: e.key}, e.title)));
-    return el('p', {class: 'other'}, 'any other: ', choice, ' ', el('button', {type: 'button', class: 'act',
-      onclick: () => onAct('add', choice.value)}, 'Add'));
+    return el('p', {class: 'other'}, 'any other: ', choice, ' ',
+      actButton({'data-hold': 'add any other', onclick: () => onAct('add', choice.value)}, 'Add'));
   }
 
   /** One candidate: what it does to the error, and under it its law with the fitted numbers. */
@@ -64,8 +68,8 @@ function makeCandidates(view, onAct) {
       el('td', {class: 'change'}, ...(fitted ? [changeText(now, after, change), changeBar(change, c.passes)] : [el('span', {class: 'gain'}, 'not refitted')])),
       el('td', {class: 'bic'}, c.delta_bic === null ? '–' : signed(c.delta_bic)),
     ];
-    if (view.actions) cells.push(el('td', {rowspan: 2}, c.added ? '' : el('button', {type: 'button', class: c.passes ? 'act primary' : 'act',
-      'aria-label': `Add ${c.title}`, onclick: () => onAct('add', c.effect)}, 'Add')));
+    if (view.actions) cells.push(el('td', {rowspan: 2}, c.added ? '' : actButton({class: c.passes ? 'act primary' : 'act',
+      'aria-label': `Add ${c.title}`, 'data-hold': `add ${c.effect}`, onclick: () => onAct('add', c.effect)}, 'Add')));
     const law = [c.law && symbols(c.law), valuesText(c)].filter(Boolean).join('  ·  ');
     return el('tbody', {class: c.passes ? 'passes' : 'fails', 'data-effect': c.effect},
       el('tr', {}, cells), el('tr', {class: 'law'}, el('td', {colspan: 4}, notes(c), law)));
@@ -139,11 +143,14 @@ function sparkline(candidate) {
 function drawModels(view, step, onPick, onAct) {
   const outputs = Object.keys(view.steps[0].channel_errors);
   const heads = ['model', 'effects', 'held out', '× floor', ...(outputs.length > 1 ? outputs : []), 'training', 'parameters'];
-  const rows = view.steps.map((s, k) => el('tr', {class: k === step ? 'current' : '', onclick: () => onPick(k)},
+  const onRow = (k) => (event) => {
+    if (!event.target.closest('button.act')) onPick(k);
+  };
+  const rows = view.steps.map((s, k) => el('tr', {class: k === step ? 'current' : '', onclick: onRow(k)},
     el('th', {scope: 'row'}, el('button', {type: 'button', class: 'link', 'aria-pressed': String(k === step),
-      onclick: () => onPick(k)}, s.name)),
+      'data-hold': `model ${k}`}, s.name)),
     el('td', {class: 'text'}, effectsText(view, s), view.actions && k === step
-      ? s.effects.map((e) => el('button', {type: 'button', class: 'act', 'aria-label': `Remove ${e.title}`,
+      ? s.effects.map((e) => actButton({'aria-label': `Remove ${e.title}`, 'data-hold': `remove ${e.key}`,
         onclick: () => onAct('remove', e.key)}, `Remove ${e.title}`)) : null),
     el('td', {}, digits(s.validation_error_percent)),
     el('td', {}, times(s.times_floor)),

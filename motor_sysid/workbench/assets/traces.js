@@ -4,9 +4,12 @@
 const AXIS_WIDTH = 56;
 const RIGHT_GAP = 10;
 const TIME_AXIS = 28;
+/** Pixels from one number of a vertical axis to the next: less where the panel is low. */
+const TICK_SPACE = (u, axis, low, high, height) => Math.min(22, Math.max(12, height / 3.5));
 const DASHES = [[], [7, 3], [2, 3], [9, 3, 2, 3]];
 
-function makeTraces(view) {
+/** The panels over time. What `kept` says of panels, error, stretch and range is as the user had it. */
+function makeTraces(view, kept = {}) {
   const time = f64(view.time);
   const channels = Object.fromEntries(
     view.channels.map((c) => [c.key, {...c, values: withGaps(f32(c.values))}]));
@@ -17,10 +20,10 @@ function makeTraces(view) {
   const root = $('#plots');
   const trained = view.records.some((r) => r.role === 'train');
   const full = [view.records[0].start, view.records.at(-1).end];
-  const shown = new Set(view.panels.filter((p) => p.shown).map((p) => p.key));
-  let home = view.focus;
-  let range = home;
-  let state = {step: 0, ghost: null, errorOf: view.primary};
+  const shown = kept.shown || new Set(view.panels.filter((p) => p.shown).map((p) => p.key));
+  let home = kept.home || view.focus;
+  let range = kept.range || home;
+  let state = {step: 0, ghost: null, errorOf: kept.errorOf || view.primary};
   let mark = null;
   let plots = [];
 
@@ -108,7 +111,7 @@ function makeTraces(view) {
         {size: last ? TIME_AXIS : 0, stroke: stroke('muted'), grid, ticks: {...grid, size: 4},
           font: '11px system-ui, sans-serif',
           values: (u, splits) => splits.map((t) => (last ? clockText(t) : ''))},
-        {size: AXIS_WIDTH, stroke: stroke('muted'), grid, ticks: {...grid, size: 4}, space: 22,
+        {size: AXIS_WIDTH, stroke: stroke('muted'), grid, ticks: {...grid, size: 4}, space: TICK_SPACE,
           font: '11px system-ui, sans-serif', values: (u, splits) => splits.map(tickText)},
       ],
       series: [{}, ...spec.series.map((s) => ({
@@ -379,6 +382,10 @@ function makeTraces(view) {
     },
     look: (wanted) => zoom(wanted),
     all: () => full,
+    /** What the user has chosen, for the traces that come after these. */
+    kept: () => ({shown, home, range, errorOf: state.errorOf}),
+    isShown: (panel) => shown.has(panel),
+    destroy: () => plots.forEach(({u}) => u.destroy()),
     toggle(panel, on) {
       if (on) shown.add(panel);
       else shown.delete(panel);

@@ -1,13 +1,13 @@
 'use strict';
 /* Where the model fails: a map of two signals, shares by regime, and curves along one axis. */
 
-function makeWhere(view, mark) {
+function makeWhere(view, mark, kept = {}) {
   const map = view.map && {...view.map, ids: u16(view.map.ids), counts: u32(view.map.counts)};
   const layers = view.steps.map((s) => f32(s.map));
   const heat = heatScale(map, layers, view.channels.find((c) => c.key === view.primary)?.unit || '');
   let step = 0;
-  const chosen = [null, null];
-  let layer = null;
+  const chosen = kept.chosen || [null, null];
+  let layer = kept.layer || null;
 
   /* --- map ------------------------------------------------------------------------------- */
 
@@ -268,6 +268,8 @@ function makeWhere(view, mark) {
       heat.recolor();
       this.show(step);
     },
+    /** Which curves and which map the user has chosen. */
+    kept: () => ({chosen, layer}),
     map,
   };
 }
