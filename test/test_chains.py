@@ -52,3 +52,18 @@ def test_a_start_into_a_step_is_not_read_through_it():
     state = started(5e-3, speed, current=current)
     assert state['omega'] == pytest.approx(100.0, abs=25.0)
     assert state['i'] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize('given', [{'horizon': 0.5}, {'train_fraction': 0.5, 'lent': True}])
+def test_the_angle_goes_on_from_stretch_to_stretch(given):
+    """Where the speed adds up to it, too: waves over a turn do not begin anew with a stretch."""
+    rng = np.random.default_rng(6)
+    speed = 30.0 * np.repeat(rng.uniform(-1, 1, 40), 100)
+    columns = {'voltage': np.ones(4000), 'speed': speed}
+    record = Record(1e-3 * np.arange(4000), columns, {n: UNITS[n] for n in columns})
+    chain = make_chain(record, motor('brushed_dc_reduced'), ['speed'], **given)
+    assert len(chain) > 2
+    angle = np.concatenate([stretch.drive.position for stretch in chain])
+    np.testing.assert_allclose(angle, np.cumsum(speed) * 1e-3, atol=1e-9)
+    starts = [stretch.drive.start for stretch in chain]
+    np.testing.assert_allclose(starts, [stretch.record.time[0] for stretch in chain], atol=1e-9)

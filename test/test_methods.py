@@ -143,6 +143,17 @@ def test_a_linear_motor_is_found_in_its_frequency_response(closed):
         refit(start().with_effect('coulomb_friction'), bench(rows=600), 'frequency_response')
 
 
+def test_a_differenced_speed_is_no_other_motor_in_its_frequency_response():
+    rng = np.random.default_rng(5)
+    shape = random_steps(DT * np.arange(20000), 0.008, rng)
+    truth = run(PLANT, Control(6 * shape), DT)
+    data = measure(truth, Sensors(2**20, 0.0, 5e-3, 1e-4, OFFSET), DT, rng)
+    model = start().with_speed_sensor(SpeedSensor.DIFFERENCE)
+    found = refit(model, data, 'frequency_response')
+    for name in (*WELL_SEEN, 'L'):
+        assert off(found.model, name) < 0.01
+
+
 def test_a_delay_is_found_without_a_start():
     """7.4 ms of dead time, values four times too large."""
     rng = np.random.default_rng(6)

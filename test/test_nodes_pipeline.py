@@ -378,12 +378,15 @@ def test_shipped_msg_configs_can_be_read_live(name: str) -> None:
 def test_the_encoder_counts_and_its_speed_is_the_difference() -> None:
     sensors = DriveSensors(SensorSettings(1000, 0.0, 0.5, 2.0, 12), 0.001)
     step = 2 * np.pi / 1000
-    current, speed, position = sensors.read(0.25, 3.4 * step)
+    shown = {'speed': 1.0, 'position': 3.4 * step}
+    speed, position = sensors.motion(shown, {'omega': 1.0})
+    current = sensors.current(0.25)
     assert position == pytest.approx(3 * step)
     assert speed == pytest.approx(3 * step / 0.001)
     assert current == pytest.approx(0.75, abs=2.0 / 2**12)
-    assert sensors.read(99.0, 3.4 * step)[0] == pytest.approx(2.0, rel=1e-3)
-    again = [DriveSensors(SensorSettings(seed=5), 0.001).read(0.1, 0.0) for _ in range(2)]
+    assert sensors.motion(shown, {'omega': 0.5})[0] == pytest.approx(0.5)
+    assert sensors.current(99.0) == pytest.approx(2.0, rel=1e-3)
+    again = [DriveSensors(SensorSettings(seed=5), 0.001).current(0.1) for _ in range(2)]
     assert again[0] == again[1]
 
 

@@ -95,6 +95,37 @@ def test_a_bldc_drives_two_phases_and_shows_what_the_third_induces() -> None:
     assert abs(sum(told[-1].current)) < 1e-9
 
 
+def test_a_phase_that_was_left_ends_its_period_without_current() -> None:
+    """As far as the rails allow it, where the resistance takes its part of a long period, too."""
+    of = plant('bldc', **IDEAL, control_rate=500.0)
+    told = np.array([sample.current for sample in samples(of, np.full(300, 1.0))[50:]])
+    largest = np.max(np.abs(told), axis=1)
+    left = np.min(np.abs(told), axis=1)
+    assert np.sqrt(np.mean((left / largest) ** 2)) < 0.15
+
+
+@pytest.mark.parametrize('kind', ['brushed_dc', 'pmsm', 'bldc'])
+def test_sensors_that_are_wrong_show_it(kind: str) -> None:
+    speed = ('speed_sensor_scale.g=0.2', 'speed_sensor_offset.o=3.0')
+    given = {'hidden_effects': ('speed_sensor_scale', 'speed_sensor_offset'), **IDEAL}
+    of = plant(kind, hidden_parameters=speed, **given)
+    one = samples(of, np.full(120, 1.0))[-1]
+    true = of.stepper.state['omega']
+    assert one.speed == pytest.approx(1.2 * true + 3.0, rel=0.03)
+    of = plant(kind, hidden_effects=('current_sensor_scale',), **IDEAL,
+               hidden_parameters=('current_sensor_scale.g=0.25',))  # fmt: skip
+    true_one = plant(kind, **IDEAL)
+    if kind == 'brushed_dc':
+        told = [samples(each, np.full(3, 2.0))[-1].current[0] for each in (of, true_one)]
+        assert told[0] == pytest.approx(1.25 * told[1], rel=1e-6)
+    else:  # the drive believes its sensors: less current flows
+        samples(of, np.full(40, 1.0))
+        own = of.stepper.state
+        size = math.hypot(own['i_d'], own['i_q']) if kind == 'pmsm' else max(
+            abs(own['i_a']), abs(own['i_b']), abs(own['i_a'] + own['i_b']))  # fmt: skip
+        assert size == pytest.approx(0.8, abs=0.08)
+
+
 @pytest.mark.parametrize('kind', ['pmsm', 'bldc'])
 def test_hidden_effects_come_without_a_jump_and_reset_stops(kind: str) -> None:
     of = plant(kind)

@@ -156,3 +156,19 @@ def test_directional_forgetting_is_not_tied_to_the_first_samples():
     for row, value in zip(x, y, strict=True):
         learner.update(row, value)
     assert learner.coefficients == pytest.approx(true, abs=0.03)
+
+
+@pytest.mark.parametrize('learner', [Forgetting, Directional])
+def test_a_long_standstill_without_noise_makes_nobody_deaf(learner):
+    rng = np.random.default_rng(0)
+    found = learner(np.zeros(2), np.full(2, 1e3), 0.999, 10)
+
+    def learn(truth, rows):
+        for row in rng.standard_normal((rows, 2)):
+            found.update(row, float(row @ truth) + 1e-3 * rng.standard_normal())
+
+    learn([1.0, -2.0], 2000)
+    for _ in range(30_000):
+        found.update(np.zeros(2), 0.0)
+    learn([1.5, -1.0], 3000)
+    assert np.allclose(found.coefficients, [1.5, -1.0], atol=0.1)

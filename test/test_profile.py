@@ -116,7 +116,7 @@ def test_the_filters_are_the_loop_that_the_controller_makes(kind: str) -> None:
     model, dt = Model.base(kind), 1e-3
     loop = speed_loop(model, dt)
     reference = Profile('steps', 20.0, 1.0).sampled(dt)
-    record = run_closed(model, reference, Pid(loop.gains), dt, lambda seen: seen)
+    record = run_closed(model, reference, Pid(loop.gains), dt, lambda plant: plant.outputs)
     name = model.kind.inputs[0][0]
     u = loop.answer(reference)
     np.testing.assert_allclose(u, record[name], atol=1e-6 * np.max(np.abs(u)))

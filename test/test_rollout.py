@@ -221,11 +221,22 @@ def test_a_delay_of_whole_samples_is_a_shift_to_the_bit_of_rounding():
     assert np.corrcoef(late[200:], plain[195:-5])[0, 1] > 0.9999
 
 
-@pytest.mark.parametrize('effects', [(), ('coulomb_friction',), ('input_delay',)])
+@pytest.mark.parametrize(
+    'effects',
+    [
+        (), ('coulomb_friction',), ('input_delay',), ('current_sensor_scale', 'speed_sensor_lag'),
+        ('current_sensor_lag', 'speed_sensor_scale', 'speed_sensor_offset'),
+    ],
+)  # fmt: skip
 def test_the_stepper_is_the_rollout_one_sample_at_a_time(effects):
     record = random_steps(300)
     model = Model.base('brushed_dc', {**MOTOR, 'current_offset': 0.02})
-    values = {'coulomb_friction': {'tau_c': 4e-3}, 'input_delay': {'delay': 2.3e-3}}
+    values = {
+        'coulomb_friction': {'tau_c': 4e-3}, 'input_delay': {'delay': 2.3e-3},
+        'current_sensor_scale': {'g': 0.2}, 'current_sensor_lag': {'lag': 4e-3},
+        'speed_sensor_scale': {'g': 0.1}, 'speed_sensor_lag': {'lag': 8e-3},
+        'speed_sensor_offset': {'o': 3.0},
+    }  # fmt: skip
     for key in effects:
         model = model.with_effect(key, values[key])
     quiet = record.with_signal('voltage', np.r_[np.zeros(10), record['voltage'][10:]], 'V')
@@ -236,6 +247,35 @@ def test_the_stepper_is_the_rollout_one_sample_at_a_time(effects):
         plant.step(float(u))
     np.testing.assert_allclose(np.array(found)[:, 0], run.outputs['current'], atol=1e-12)
     np.testing.assert_allclose(np.array(found)[:, 1], run.outputs['speed'], atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ('key', 'values'),
+    [
+        ('load_torque_step', {'tau_l': 0.02, 't_on': 0.4, 'rise': 2e-3}),
+        ('periodic_load', {'a': 0.02, 'f': 1.3}),
+    ],
+)
+def test_time_counts_from_the_first_sample(key, values):
+    record = random_steps(800)
+    model = Model.base('brushed_dc', MOTOR).with_effect(key, values)
+    late = replace(record, time=record.time + 5.0)
+    for name, run in simulate(model, record).outputs.items():
+        np.testing.assert_allclose(simulate(model, late).outputs[name], run, atol=1e-9)
+
+
+@pytest.mark.parametrize('sensor', list(SpeedSensor))
+def test_laws_see_the_angle_that_the_speed_adds_up_to(sensor):
+    """Half a sample of angle, either way round, would be 0.6 rad of these waves at full speed."""
+    record = random_steps(3000)
+    model = Model.base('brushed_dc', MOTOR, speed_sensor=sensor)
+    model = model.with_effect('cogging_torque', {'b_1': 6e-3, 'n': 24.0})
+    true = simulate(model, record, follow_position=False).outputs
+    told = record.with_signal('speed', true['speed'], 'rad/s')
+    seen = simulate(model, told).outputs['speed']
+    without = simulate(model.without_effect('cogging_torque'), told).outputs['speed']
+    moved = np.std(without - true['speed'])
+    assert np.std(seen - true['speed']) < 0.02 * moved
 
 
 def test_a_differenced_speed_is_half_a_sample_late():

@@ -10,6 +10,7 @@ from motor_sysid.benchmark.three_phase_cases import draw, schedule, ThreePhaseCa
 from motor_sysid.benchmark.three_phase_judge import described, owns
 from motor_sysid.benchmark.three_phase_rig import Sensors
 from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.search.bench import choose_kind, prepared_parts, told_kind
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier
@@ -153,6 +154,19 @@ def test_hidden_friction_is_named():
     true = one.hidden.machine.tau_c
     assert found.model['coulomb_friction.tau_c'] == pytest.approx(true, rel=0.02)
     assert found.steps[-1].validation_error_percent < 1.2 * found.noise_floor_percent
+
+
+def test_offsets_of_the_phases_have_their_sign(monkeypatch):
+    """Three sensors, one in each phase, of which the current of the pair shows two at a time."""
+    offsets = np.array([0.3, -0.1, 0.05])
+    sensors = Sensors(2 * np.pi / 8192, 0.005, 0.002, offsets)
+    monkeypatch.setattr(three_phase_cases, '_sensors', lambda sheet, rng: sensors)
+    one = draw('six_step/complete/0', 0, 2.0)
+    nominal = {'pole_pairs': one.hidden.machine.pole_pairs}
+    model = fit_model(one.train[:1], motor='bldc_six_step', nominal=nominal).model
+    a, b, c = offsets
+    assert model['current_offset_a'] == pytest.approx(a - c, abs=0.01)
+    assert model['current_offset_b'] == pytest.approx(b - c, abs=0.01)
 
 
 def test_signals_tell_the_kind_and_pole_pairs():

@@ -1,7 +1,6 @@
 """`motor-sysid simulate`: a record of a model with realistic sensors."""
 
 import argparse
-from collections.abc import Callable, Mapping
 import math
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,9 +18,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from motor_sysid.control.experiment import Sense
     from motor_sysid.control.profile import Profile
     from motor_sysid.nodes.sensors import SensorSettings
     from motor_sysid.physics.model import Model
+    from motor_sysid.physics.stepper import Stepper
     from motor_sysid.signals.record import Record
 
 HELP = 'simulate a motor with effects and realistic sensors; write a CSV or a bag'
@@ -267,23 +268,21 @@ def _follow(model: 'Model', record: 'Record', args: argparse.Namespace) -> 'Reco
     return run_open(model, inputs, record.dt, _sensors(model, args, record.dt))
 
 
-def _sensors(
-    model: 'Model', args: argparse.Namespace, dt: float
-) -> Callable[[Mapping[str, float]], Mapping[str, float]]:
+def _sensors(model: 'Model', args: argparse.Namespace, dt: float) -> 'Sense':
     """Return the sensors: encoder counts and their difference, and noisy, rounded currents."""
     from motor_sysid.nodes.sensors import DriveSensors
 
     if args.ideal:
-        return lambda outputs: outputs
+        return lambda plant: plant.outputs
     drive = DriveSensors(_sensor_settings(model, args), dt)
 
-    def sense(outputs: Mapping[str, float]) -> dict[str, float]:
-        shown = dict(outputs)
-        if 'position' in outputs:
-            shown['speed'], shown['position'] = drive.encoder(outputs['position'])
-        for name in outputs:
+    def sense(plant: 'Stepper') -> dict[str, float]:
+        shown = plant.outputs
+        if 'position' in shown:
+            shown['speed'], shown['position'] = drive.motion(shown, plant.state)
+        for name in shown:
             if name.startswith('current'):
-                shown[name] = drive.current(outputs[name])
+                shown[name] = drive.current(shown[name])
         return shown
 
     return sense

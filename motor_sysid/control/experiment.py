@@ -13,8 +13,8 @@ from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
-Sense = Callable[[Mapping[str, float]], Mapping[str, float]]
-"""Outputs of the model (sensor offsets included) to what the sensors show."""
+Sense = Callable[[Stepper], Mapping[str, float]]
+"""A motor, now, to what its sensors show."""
 
 
 def run_open(
@@ -44,7 +44,7 @@ def run_open(
     table = np.column_stack([inputs[name] for name in names])
     plant, rows = Stepper(model, dt, substeps), []
     for u in table:
-        rows.append(dict(sense(plant.outputs)))
+        rows.append(dict(sense(plant)))
         plant.step(u.tolist())
     return _record(model, dt, rows, {name: table[:, j] for j, name in enumerate(names)})
 
@@ -73,7 +73,7 @@ def run_closed(
     plant, rows = Stepper(model, dt, substeps), []
     applied = np.empty(reference.size)
     for k, wanted in enumerate(reference.tolist()):
-        rows.append(dict(sense(plant.outputs)))
+        rows.append(dict(sense(plant)))
         applied[k] = controller.step(wanted, rows[-1]['speed'], dt)
         plant.step(float(applied[k]))
     return _record(model, dt, rows, {name: applied, 'speed_reference': reference})

@@ -1,5 +1,6 @@
 """The sensors of a small drive: an incremental encoder and a current converter."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 import math
 
@@ -50,13 +51,19 @@ class DriveSensors:
         """Start again with the shaft at `position` (rad)."""
         self._position = self.counted(position)
 
-    def read(self, current: float, position: float) -> tuple[float, float, float]:
-        """Return measured current (A), speed (rad/s) and position (rad)."""
-        speed, counted = self.encoder(position)
-        return self.current(current), speed, counted
-
-    def encoder(self, position: float) -> tuple[float, float]:
+    def motion(
+        self, shown: Mapping[str, float], state: Mapping[str, float]
+    ) -> tuple[float, float]:
         """Return measured speed (rad/s) and position (rad); asked once in a sample.
+
+        What a motor's `shown` speed has beside that of its `state` (the gain, offset or lag of a
+        sensor) is added to the difference of the counts.
+        """
+        speed, position = self._encoder(shown['position'])
+        return speed + shown['speed'] - state['omega'], position
+
+    def _encoder(self, position: float) -> tuple[float, float]:
+        """Return speed (rad/s) and position (rad) as counted.
 
         The speed is the difference of the position over the last sample, as drives compute it:
         half a sample late, and in steps of one count per sample.

@@ -1,11 +1,12 @@
 """What drives a simulation: held inputs, and the position that laws see."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.physics.model import SpeedSensor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import top_speed
 from motor_sysid.signals.lattice import lattice
@@ -34,6 +35,9 @@ class Drive:
         Width of a count of the measured position, rad; 0 where it has none.  Laws see the
         simulated position as far as it lies within the count: what a rotor that rests sees is not
         what the encoder shows, and the same for as long as it rests.
+    ahead:
+        (N,) how far the position lies ahead, rad, if it is the sum of a speed and that speed is
+        one of the moment; or empty.
     """
 
     inputs: Array
@@ -42,13 +46,15 @@ class Drive:
     position: Array = field(default_factory=lambda: _EMPTY)
     speed: float = 0.0
     count: float = 0.0
+    ahead: Array = field(default_factory=lambda: _EMPTY)
 
     @classmethod
     def of(cls, record: Record, kind: Motor, *, follow_position: bool = True) -> 'Drive':
         """Return the drive of a uniformly sampled record.
 
         Laws that depend on position are given the measured position where there is one, or the
-        sum of the measured speed: a simulated angle drifts, and the wave with it.
+        sum of the measured speed: a simulated angle drifts, and the wave with it.  Time counts
+        from the first sample.
 
         Raises
         ------
@@ -58,18 +64,40 @@ class Drive:
         names = input_signals(record, kind)
         if not record.is_uniform:
             raise UserError('the record is not uniformly sampled; use record.uniform()')
-        position, count = _EMPTY, 0.0
+        position, ahead, count = _EMPTY, _EMPTY, 0.0
         if follow_position and 'position' in record:
             position = record['position']
             steps = lattice(np.diff(position))
             count = steps.step if steps else 0.0
         elif follow_position and 'speed' in record:
-            position = np.cumsum(record['speed']) * record.dt
+            speed = record['speed']
+            position, ahead = np.cumsum(speed) * record.dt, 0.5 * record.dt * (speed[0] + speed)
         columns = np.ascontiguousarray(np.column_stack([record[name] for name in names]))
         if kind.prompt:
             columns = np.concatenate((columns[1:], columns[-1:]))
-        speed = top_speed(record) if kind.wave else 0.0
-        return cls(columns, record.dt, float(record.time[0]), position, speed, count)
+        fastest = top_speed(record) if kind.wave else 0.0
+        return cls(columns, record.dt, 0.0, position, fastest, count, ahead)
+
+    def part(self, first: int, last: int) -> 'Drive':
+        """Return the drive of rows first to last (exclusive), with time and position as here."""
+        return replace(
+            self,
+            inputs=self.inputs[first:last],
+            start=self.start + first * self.dt,
+            position=self.position[first:last],
+            ahead=self.ahead[first:last],
+        )
+
+    def told_by(self, sensor: SpeedSensor) -> 'Drive':
+        """Return the drive with the position that the speed of such a sensor adds up to.
+
+        The sum of differences is the position they were taken of; between speeds of the moment
+        lies their mean.
+        """
+        if not self.ahead.size:
+            return self
+        late = sensor is SpeedSensor.DIFFERENCE
+        return replace(self, position=self.position - (not late) * self.ahead, ahead=_EMPTY)
 
 
 def input_signals(record: Record, kind: Motor) -> tuple[str, ...]:

@@ -67,6 +67,8 @@ class Program:
         Every parameter, motor first.
     memory_offsets:
         Where the own states of effects lie in a workspace's buffer (first of 32 lanes each).
+    has_sensors:
+        Whether a law adds to what a sensor shows.
     reads_angle:
         Whether a law depends on the angle of the shaft.
     tells_angle:
@@ -136,6 +138,7 @@ class Program:
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors = calls.slopes, calls.sensors
+        self.has_sensors = len(calls.sensors) > 0
         laws, moved = calls.jumps
         rows = [ROW_OF_FORCE[f'jump_{self.kind.states[j]}'] for j in moved]
         self._jumps = laws, moved, integers(rows)
@@ -374,7 +377,7 @@ class Program:
             len(outputs) if lanes else len(drive.inputs),
             drive.inputs,
             workspace.late,
-            drive.position if self.reads_angle else _EMPTY,
+            drive.told_by(self.speed_sensor).position if self.reads_angle else _EMPTY,
             0.5 * drive.count,
             places,
             np.empty((0, 2, len(self.kind.forces), LANES)) if push is None else push,

@@ -147,14 +147,19 @@ def run_in(program: 'Program', table: Array, drives: Sequence[Drive]) -> float:
 def _can_join(drives: Sequence[Drive]) -> bool:
     """Whether all drives have a position for each row, or all have none."""
     sizes = [drive.position.size for drive in drives]
-    return not any(sizes) or sizes == [len(drive.inputs) for drive in drives]
+    summed = {bool(drive.ahead.size) for drive in drives}
+    even = not any(sizes) or sizes == [len(drive.inputs) for drive in drives]
+    return even and len(summed) == 1
 
 
 def _joined(drives: Sequence[Drive]) -> Drive:
     """Return the drives one after the other as one."""
     inputs = np.concatenate([drive.inputs for drive in drives])
-    position, count = np.concatenate([d.position for d in drives]), max(d.count for d in drives)
-    return Drive(inputs, drives[0].dt, 0.0, position, count=count)
+    position, ahead = (
+        np.concatenate([getattr(d, name) for d in drives]) for name in ('position', 'ahead')
+    )
+    count = max(drive.count for drive in drives)
+    return Drive(inputs, drives[0].dt, 0.0, position, count=count, ahead=ahead)
 
 
 def _packed(pieces: Sequence[Piece], lanes: int) -> list[list[Piece]]:

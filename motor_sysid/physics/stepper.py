@@ -4,13 +4,16 @@ from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import paced
 from motor_sysid.physics.rollout import Program
+
+Array = NDArray[np.float64]
 
 
 class Stepper:
@@ -39,7 +42,8 @@ class Stepper:
             )
         self.model, self.dt = model, dt
         self._substeps = substeps
-        self._program = Program.of(model, tuple(o.signal for o in model.kind.outputs))
+        ideal = model.with_speed_sensor(SpeedSensor.IDEAL)
+        self._program = Program.of(ideal, tuple(o.signal for o in model.kind.outputs))
         self._outputs = np.empty((1, len(self._program.outputs), LANES))
         self._omega = model.kind.states.index('omega')
         self.reset()
@@ -61,12 +65,15 @@ class Stepper:
         """Advance one sample under the held input `u` (n_u values, or one number)."""
         self._history[:-1] = self._history[1:]
         self._history[-1] = u
-        start = (self._count - len(self._history) + 1) * self.dt
-        drive = Drive(self._history, self.dt, start)
-        last = len(self._history) - 1
         self._keep_pace()
-        self._program.advance(self._workspace, self._x, drive, self._steps, self._outputs, last)
+        self._advance(self._history, self._x)
         self._count += 1
+
+    def _advance(self, history: Array, x: Array) -> None:
+        """Run one sample on from the state `x` (n, 32) and note what was shown at its start."""
+        start = (self._count - len(history) + 1) * self.dt
+        drive, last = Drive(history, self.dt, start), len(history) - 1
+        self._program.advance(self._workspace, x, drive, self._steps, self._outputs, last)
 
     def _keep_pace(self) -> None:
         """Take as many substeps as the speed asks for."""
@@ -89,6 +96,14 @@ class Stepper:
 
     @property
     def outputs(self) -> dict[str, float]:
-        """Signal to value, now: sensor offsets included, without noise and differencing."""
-        state = self.state
-        return {o.signal: state[o.state] + self._biases[o.signal] for o in self.model.kind.outputs}
+        """Signal to value, now, as sensors without noise show it: with their offset, gain, lag.
+
+        A speed is that of the moment, not differenced; its sensor takes the last input to go on.
+        """
+        if not self._program.has_sensors:
+            state, told = self.state, self.model.kind.outputs
+            return {o.signal: state[o.state] + self._biases[o.signal] for o in told}
+        kept = self._workspace.buffer.copy()
+        self._advance(np.concatenate((self._history[1:], self._history[-1:])), self._x.copy())
+        self._workspace.buffer[:] = kept
+        return dict(zip(self._program.outputs, self._outputs[0, :, 0].tolist(), strict=True))

@@ -204,7 +204,7 @@ def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
     late = sum(model[f'{one.key}.{one.card.delay}'] for one in effects if one.card.delay)
     paths = []
     for chain in problem.chains:
-        drives = [stretch.drive for stretch in chain]
+        drives = [stretch.drive.told_by(model.speed_sensor) for stretch in chain]
         runs = program.run_chain(table, drives, [stretch.state for stretch in chain])
         for drive, run in zip(drives, runs, strict=True):
             states: Path = {

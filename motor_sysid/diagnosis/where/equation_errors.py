@@ -41,7 +41,7 @@ def measured_states(model: Model, record: Record) -> dict[str, Array]:
     if 'speed' in record and model.speed_sensor is SpeedSensor.DIFFERENCE:
         speed = np.append(0.5 * (speed[1:] + speed[:-1]), speed[-1])
     states['omega'] = speed
-    drive = Drive.of(record, kind)
+    drive = Drive.of(record, kind).told_by(model.speed_sensor)
     if drive.position.size:
         states['theta'] = drive.position
     inputs = [record[name] for name in input_signals(record, kind)]

@@ -190,7 +190,7 @@ def _core_states(
         states['omega'] = np.gradient(states['theta'], record.dt)
     if not biased:
         return states
-    position = Drive.of(record, model.kind).position
+    position = Drive.of(record, model.kind).told_by(model.speed_sensor).position
     if position.size:
         states['theta'] = position
     inputs = [record[name] for name in input_signals(record, model.kind)]

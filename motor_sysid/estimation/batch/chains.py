@@ -132,9 +132,11 @@ def make_chain(
         every other one, the first included, counts as training data.
     """
     even = record.uniform()
+    drive = Drive.of(even, kind)
     cut = round(train_fraction * len(even))
     if horizon is None and not lent and scored != 'train' and cut < len(even):
-        return (_stretch(even, 0, len(even), kind, outputs, cut if scored == 'validate' else 0),)
+        judged = cut if scored == 'validate' else 0
+        return (_stretch(even, drive, 0, len(even), kind, outputs, judged),)
     parts = [
         (first, last, scored in ('all', role))
         for first, last, role in _roles(len(even), cut, lent=lent)
@@ -148,7 +150,7 @@ def make_chain(
         pieces = max(round((last - first) / ahead), 1)
         edges = np.linspace(first, last, pieces + 1).astype(int)
         chain += [
-            _stretch(even, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
+            _stretch(even, drive, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
             for a, b in pairwise(edges)
         ]
     return tuple(chain)
@@ -199,27 +201,15 @@ def _window(
 ) -> Stretch:
     """Cut rows first to last out of a stretch, run in from a little earlier."""
     begin = max(first - _RUN_IN, 0)
-    cut = _stretch(stretch.record, begin, last, kind, outputs, first - begin)
-    drive = stretch.drive
-    return replace(
-        cut,
-        drive=Drive(
-            drive.inputs[begin:last],
-            drive.dt,
-            drive.start + begin * drive.dt,
-            drive.position[begin:last],
-            drive.speed,
-            drive.count,
-        ),
-    )
+    return _stretch(stretch.record, stretch.drive, begin, last, kind, outputs, first - begin)
 
 
 def _stretch(
-    even: Record, first: int, last: int, kind: Motor, outputs: Sequence[str], scored_from: int
-) -> Stretch:
+    even: Record, drive: Drive, first: int, last: int, kind: Motor, outputs: Sequence[str],
+    scored_from: int,
+) -> Stretch:  # fmt: skip
     """Prepare rows first to last; a stretch that begins at rest starts from rest."""
     record = even.slice(first, last)
-    drive = replace(Drive.of(record, kind), start=float(record.time[0] - even.time[0]))
     measured = np.column_stack([record[name] for name in outputs])
     speed = measured_speed(even)
     top = float(np.max(np.abs(speed), initial=1e-12))
@@ -240,7 +230,8 @@ def _stretch(
                 still_open.append(j)
         elif name in shown and shown[name] in record and not at_rest:
             state[j] = _value_at(even[shown[name]], first, coarse=coarse)
-    return Stretch(record, drive, measured, state, tuple(still_open), size, scored_from)
+    mine = drive.part(first, last)
+    return Stretch(record, mine, measured, state, tuple(still_open), size, scored_from)
 
 
 def _value_at(values: Array, index: int, *, coarse: bool) -> float:

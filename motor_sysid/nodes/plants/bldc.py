@@ -39,7 +39,7 @@ class BldcPlant(Plant):
         self._pairs, self._offset = base['pole_pairs'], base['angle_offset']
         shape = base['flat'], base['corner']
         self._wave = base['k_e'], self._pairs, self._offset, *shape
-        self._inertial = base['L'] / self._period + 0.5 * base['R']
+        self._inertial = base['L'] / self._period - 0.5 * base['R']
         return Stepper(setup.model, self._period, max(setup.substeps // setup.periods, 1))
 
     def reset(self) -> None:
@@ -50,16 +50,21 @@ class BldcPlant(Plant):
     def sample(self, command: float) -> Sample:
         """Measure, then follow the command in A for as many control periods as a sample has."""
         state, periods = self.stepper.state, self.setup.periods
-        speed, position = self.sensors.encoder(state['theta'])
-        current, total = self.sensors.phases(state['i_a'], state['i_b']), [0.0, 0.0, 0.0]
+        speed, position = self.sensors.motion(self.stepper.outputs, state)
+        current, total = self._measured(), [0.0, 0.0, 0.0]
         for k in range(periods):
-            measured = self.sensors.phases(state['i_a'], state['i_b']) if k else current
+            measured = self._measured() if k else current
             sector = sector_at(self._pairs * state['theta'] + self._offset)
             terminals = self._terminals(self._drive.step(measured, sector, speed, command), state)
             self.stepper.step(terminals)
             state = self.stepper.state
             total = [mean + v / periods for mean, v in zip(total, terminals, strict=True)]
         return Sample(current, speed, position, (total[0], total[1], total[2]))
+
+    def _measured(self) -> Three:
+        """Return the phase currents as the sensors show them, A."""
+        shown = self.stepper.outputs
+        return self.sensors.phases(shown['current_a'], shown['current_b'])
 
     def _terminals(self, legs: Three, state: Mapping[str, float]) -> Three:
         """Return the terminal voltages of the next period, V: NaN replaced by what floats."""

@@ -14,7 +14,8 @@ class BrushedDcPlant(Plant):
 
     def sample(self, command: float) -> Sample:
         """Measure, then apply the command in V."""
-        outputs = self.stepper.outputs
-        current, speed, position = self.sensors.read(outputs['current'], outputs['position'])
+        shown = self.stepper.outputs
+        current = self.sensors.current(shown['current'])
+        speed, position = self.sensors.motion(shown, self.stepper.state)
         self.stepper.step(command)
         return Sample((current, 0.0, 0.0), speed, position, (command, 0.0, 0.0))

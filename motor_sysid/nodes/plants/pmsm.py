@@ -33,14 +33,14 @@ class PmsmPlant(Plant):
     def sample(self, command: float) -> Sample:
         """Measure, then follow the command in A for as many control periods as a sample has."""
         state, periods = self.stepper.state, self.setup.periods
-        speed, position = self.sensors.encoder(state['theta'])
-        measured, angle = self._measured(state), self._electrical(position)
+        speed, position = self.sensors.motion(self.stepper.outputs, state)
+        measured, angle = self._measured(), self._electrical(position)
         current = park(*measured, math.cos(angle), math.sin(angle))
         u_d = u_q = 0.0
         for k in range(periods):
             if k:
                 state = self.stepper.state
-                measured = self._measured(state)
+                measured = self._measured()
                 angle = self._electrical(self.sensors.counted(state['theta']))
             legs = self._drive.step(measured, angle, self._pairs * speed, command)
             self._apply(legs, state)
@@ -51,10 +51,12 @@ class PmsmPlant(Plant):
     def _electrical(self, position: float) -> float:
         return self._pairs * position + self._offset
 
-    def _measured(self, state: Mapping[str, float]) -> Three:
+    def _measured(self) -> Three:
         """Return the phase currents as the sensors show them, A."""
-        angle = self._electrical(state['theta'])
-        a, b, _ = inverse_park(state['i_d'], state['i_q'], math.cos(angle), math.sin(angle))
+        shown = self.stepper.outputs
+        angle = self._electrical(shown['position'])
+        d, q = shown['current_d'], shown['current_q']
+        a, b, _ = inverse_park(d, q, math.cos(angle), math.sin(angle))
         return self.sensors.phases(a, b)
 
     def _apply(self, legs: Three, state: Mapping[str, float]) -> None:

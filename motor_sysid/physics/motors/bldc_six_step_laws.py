@@ -54,9 +54,12 @@ def share_since(before: float, now: float) -> float:
 
 @law_function
 def part_of(sector: float) -> float:
-    """Return the part of a phase in the pair's current, counted from the phase's first sector."""
+    """Return the part of a phase in the pair's current, counted from the phase's first sector.
+
+    The first two are those in which forward torque asks for a negative current in it.
+    """
     own = sector - 6.0 * np.floor(sector / 6.0)
-    into, out = (own < 1.5) * 0.5, ((own > 2.5) & (own < 4.5)) * 0.5
+    out, into = (own < 1.5) * 0.5, ((own > 2.5) & (own < 4.5)) * 0.5
     return into - out  # type: ignore[no-any-return]
 
 

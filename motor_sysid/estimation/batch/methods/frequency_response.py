@@ -23,7 +23,7 @@ from motor_sysid.estimation.batch.methods.rows import result_of
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.physics.drive import input_signals
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -98,7 +98,10 @@ def measured_response(
 
 
 def response_of(model: Model, outputs: Sequence[str], dt: float, angle: Array) -> Complex:
-    """Return (F, n_y) response of the motor with a held input at angles per sample."""
+    """Return (F, n_y) response of the motor with a held input at angles per sample.
+
+    A differenced speed is ``(1 - e^(-jw dt)) / dt`` times the angle.
+    """
     kind = model.kind
     a, b, _ = (m[0] for m in kind.matrices(
         {name: np.array([v]) for name, v in model.parameters.values().items()}))  # fmt: skip
@@ -107,4 +110,8 @@ def response_of(model: Model, outputs: Sequence[str], dt: float, angle: Array) -
     shown = {o.signal: kind.states.index(o.state) for o in kind.outputs}
     z = np.exp(1j * angle)[:, np.newaxis, np.newaxis]
     state = np.linalg.solve(z * np.eye(n) - whole[:n, :n], whole[np.newaxis, :n, n:])[:, :, 0]
-    return np.asarray(state[:, [shown[name] for name in outputs]])
+    found = state[:, [shown[name] for name in outputs]]
+    if model.speed_sensor is SpeedSensor.DIFFERENCE and 'speed' in outputs:
+        difference = (1 - np.exp(-1j * angle)) / dt
+        found[:, outputs.index('speed')] = difference * state[:, kind.states.index('theta')]
+    return np.asarray(found)

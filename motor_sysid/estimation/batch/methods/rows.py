@@ -21,7 +21,7 @@ from motor_sysid.estimation.online.equation import Equation, offsets
 from motor_sysid.estimation.online.learners.base import Learner
 from motor_sysid.estimation.online.regressions import filter_bandwidth, together
 from motor_sysid.estimation.online.regressors import Regressors
-from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Balance
 from motor_sysid.physics.motors.speed import measured_speed
@@ -100,7 +100,7 @@ def _feed(
     states = _states(record, model)
     regressors.restart(y[0])
     for k in range(len(record) - 1):
-        sample = Sample(record.time[k], dt, u[k], y[k + 1], states[k], states[k + 1])
+        sample = Sample(k * dt, dt, u[k], y[k + 1], states[k], states[k + 1])
         regressors.take(sample)
         if k == 0:
             equation.restart(regressors.measured[0], regressors.tracked[0])
@@ -113,7 +113,9 @@ def _states(record: Record, model: Model) -> Array:
     for output in model.kind.outputs:
         if output.signal in record:
             known.setdefault(output.state, record[output.signal])
-    known.setdefault('theta', np.cumsum(known['omega']) * record.dt)
+    drive = Drive.of(record, model.kind).told_by(model.speed_sensor)
+    if drive.position.size:
+        known['theta'] = drive.position
     states = np.zeros((len(record), len(model.kind.states)))
     for j, name in enumerate(model.kind.states):
         if name in known:

@@ -12,6 +12,7 @@ _PRIOR_NOISE = 0.1
 _OUTLIER = 16.0
 _TALLEST = 9.0
 _MOMENT = 100.0
+_LEAST_NOISE = 1e-6
 
 _TOP, _VARIANCE = range(2)
 
@@ -78,10 +79,13 @@ def measure(y, prior, floor, numbers):  # type: ignore[no-untyped-def]
 def weigh(error, numbers):  # type: ignore[no-untyped-def]
     """Learn the variance of the error; return the sample's weight.
 
-    The weight falls with the square of an error beyond four times the usual.
+    The weight falls with the square of an error beyond four times the usual.  The usual error is
+    never less than a millionth of the largest value: after a standstill without any noise it would
+    take as long to learn again what noise is.
     """
     relative = error * error / numbers[_VARIANCE]
     numbers[_VARIANCE] *= 1 + (min(relative, _TALLEST) - 1) / _MOMENT
+    numbers[_VARIANCE] = max(numbers[_VARIANCE], (_LEAST_NOISE * numbers[_TOP]) ** 2)
     return min(1.0, _OUTLIER / max(relative, 1e-300))
 
 
