@@ -227,3 +227,8 @@ class MsgConfig:
     def all_sources(self) -> tuple[Source, ...]:
         """Return every source of every signal."""
         return tuple(source for sources in self.sources.values() for source in sources)
+
+
+def quoted(text: str) -> str:
+    """Return a header as YAML takes it, whatever stands in it."""
+    return "'" + text.replace("'", "''") + "'"
