@@ -234,11 +234,56 @@ def test_a_clock_set_back_within_a_step_is_no_overtaking(tmp_path: Path, phase: 
     assert codes(loaded) == {'time_jumps_back'}
 
 
+def at_times(path: Path, steps: np.ndarray) -> Loaded:
+    """Return a record whose rows follow each other by those steps, in s."""
+    times = np.cumsum(np.concatenate(([0.0], steps)))
+    return load(table(path, HEADER, [f'{t:.6f},1,{k}' for k, t in enumerate(times)]))
+
+
 def test_irregular_sampling_is_no_gap(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    steps = np.where(rng.random(500) < 0.1, 0.1, 0.005)
-    rows = [f'{t:.6f},1,{k}' for k, t in enumerate(np.cumsum(steps))]
-    assert len(load(table(tmp_path / 'a.csv', HEADER, rows)).records) == 1
+    loaded = at_times(tmp_path / 'a.csv', np.where(rng.random(500) < 0.1, 0.1, 0.005))
+    assert len(loaded.records) == 1
+    (said,) = loaded.findings
+    assert said.code == 'long_steps'
+    assert '`max_gap: 0.05`' in said.remedy
+    config = tmp_path / 'a.yaml'
+    columns = "signals: {speed: {column: 'speed [rad/s]'}}\ntime: {column: 'time [s]'}\n"
+    config.write_text(columns + 'max_gap: 0.05')
+    assert len(load(tmp_path / 'a.csv', config).records) > 5
+    config.write_text(columns + 'max_gap: 0.2')
+    assert load(tmp_path / 'a.csv', config).findings == ()
+
+
+def test_sampling_on_events_is_no_gap(tmp_path: Path) -> None:
+    """Steps of every length, some of them of more than ten median steps."""
+    rng = np.random.default_rng(0)
+    loaded = at_times(tmp_path / 'a.csv', rng.exponential(0.005, 5000) + 1e-4)
+    (record,) = loaded.records
+    assert np.max(np.diff(record.time)) > 10 * record.dt
+    assert loaded.findings == ()
+
+
+@pytest.mark.parametrize('rows', [22, 45, 90, 300])
+def test_holes_that_come_again_and_again_are_gaps(tmp_path: Path, rows: int) -> None:
+    steps = np.full(20 * rows, 0.002)
+    steps[rows - 1 :: rows] = 0.062
+    loaded = at_times(tmp_path / 'a.csv', steps)
+    assert [len(record) for record in loaded.records] == [rows] * 20
+    assert 'gap' in codes(loaded)
+    assert 'long_steps' not in codes(loaded)
+
+
+@pytest.mark.parametrize('rows', [12, 40])
+def test_bursts_and_a_heap_of_pieces_stay_one_record_and_are_told(
+    tmp_path: Path, rows: int
+) -> None:
+    """Holes after every dozen rows; rows that are sent and stamped by forty."""
+    steps = np.full(20 * rows, 0.002 if rows < 20 else 5e-5)
+    steps[rows - 1 :: rows] = 0.062
+    loaded = at_times(tmp_path / 'a.csv', steps)
+    assert len(loaded.records) == 1
+    assert codes(loaded) == {'long_steps'}
 
 
 def test_time_as_a_date_begins_at_zero(tmp_path: Path) -> None:
