@@ -208,7 +208,7 @@ class _Reader:
     def _values(self, source: Source, topic: Topic) -> NDArray[np.float64]:
         read = self._column(topic, source.field)
         raw = np.where(read.present, read.values.astype(np.float64), np.nan)
-        return source.continuous(raw)
+        return source.continuous(raw, self.findings)
 
     def _stamps(self, source: Source, topic: Topic) -> NDArray[np.int64]:
         messages = self.messages[topic.name]

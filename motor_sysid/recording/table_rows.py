@@ -43,7 +43,8 @@ def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[s
     time = _time(table, config.time, numbers)
     units = {name: source.si_unit() for name, source in chosen.items()}
     signals = {
-        name: source.continuous(numbers[source.column]) for name, source in chosen.items()
+        name: source.continuous(numbers[source.column], table.findings)
+        for name, source in chosen.items()
     }
     pieces = _segments(Rows(time, signals, units), table, config)
     return [_shifted(rows, chosen) for rows in pieces], chosen
