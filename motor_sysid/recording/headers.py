@@ -209,12 +209,13 @@ def _help(
     if not known:
         lines += [f'  voltage: {{column: {COLUMN}, unit: V}}']
         lines += [f'  speed: {{column: {COLUMN}, unit: rad/s}}']
+    yaml = '\n  '.join(lines)
+    hint = f' (with headers in place of {COLUMN})' if f'column: {COLUMN}' in yaml else ''
     return (
         f'{origin}: no column is understood as a {missing}; its columns are '
         f'{", ".join(columns)}. Write headers with units (`time [s],voltage [V],current [A],'
         'speed [rad/s],position [rad]`), or say what the columns are in a msg_config file, given '
-        f'with --msg-config FILE, for example (with headers in place of {COLUMN})\n  '
-        + '\n  '.join(lines)
+        f'with --msg-config FILE, for example{hint}\n  {yaml}'
     )
 
 

@@ -47,8 +47,9 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     if most.period:
         why = f'; its sensor seems to start anew every {most.period:.6g} rad'
         remedy = (
-            f'write `wrap: {most.period:.6g}` (in the unit of its source) in a msg_config file; '
-            'for a record made by hand there is `motor_sysid.signals.wrapping.unwrapped`'
+            f'write `wrap: {most.period:.6g}` (in the unit of its source, before a gear) in a '
+            'msg_config file; for a record made by hand there is '
+            '`motor_sysid.signals.wrapping.unwrapped`'
         )
     yield Finding(
         Severity.WARNING, 'position_jumps',
