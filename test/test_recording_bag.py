@@ -4,6 +4,7 @@ from collections.abc import Callable
 import contextlib
 from pathlib import Path
 import shutil
+import struct
 
 import numpy as np
 import pytest
@@ -129,6 +130,53 @@ def test_corrupt_chunk_is_left_out(tmp_path: Path) -> None:
     loaded = load(tmp_path / 'bag')
     assert 'damaged_bag' in codes(loaded)
     assert sum(map(len, loaded.records)) > 3000
+
+
+def chunk_starts(data: bytes) -> list[int]:
+    """Return where the chunks of an MCAP file begin, as its summary says."""
+    (position,) = struct.unpack_from('<Q', data, len(data) - 28)
+    found = []
+    while position < len(data) - 37:
+        opcode, length = struct.unpack_from('<BQ', data, position)
+        if opcode == 8:
+            found += struct.unpack_from('<Q', data, position + 25)
+        position += 9 + length
+    return found
+
+
+@pytest.mark.parametrize('compress', [False, True])
+def test_what_is_overwritten_costs_no_chunk_behind_it(tmp_path: Path, compress: bool) -> None:
+    record = motor_record(30_000)
+    write_record(record, tmp_path / 'bag', storage='mcap', compress=compress)
+    file = storage_file(tmp_path / 'bag')
+    data = bytearray(file.read_bytes())
+    _, second, third, *_ = chunk_starts(data)
+    data[second - 60 : third - 200] = bytes(third - second - 140)  # index of the first, to that
+    file.write_bytes(data)
+    loaded = load(tmp_path / 'bag')
+    (damage,) = (f for f in loaded.findings if f.code == 'damaged_bag')
+    assert 'nothing can be read of bytes' in damage.message
+    assert damage.remedy.startswith('copy the bag again')
+    first, last = loaded.records
+    rows = third / len(data) - second / len(data)
+    assert len(first) + len(last) == pytest.approx((1 - rows) * len(record), rel=0.05)
+    assert last.time[-1] - last.time[0] == pytest.approx(1e-3 * (len(last) - 1))
+    assert np.array_equal(last['voltage'], record['voltage'][-len(last) :])
+
+
+def test_a_bag_that_lost_all_of_its_chunks_is_not_called_empty(
+    repository: Path, tmp_path: Path
+) -> None:
+    data = bytearray((repository / 'bags' / 'golden_mcap' / 'golden_mcap.mcap').read_bytes())
+    file = tmp_path / 'golden.mcap'
+    (start,) = chunk_starts(data)
+    data[start + 500 : start + 8500] = bytes(8000)
+    file.write_bytes(data)
+    with pytest.raises(UserError, match=r'damaged: one chunk .*; copy it again'):
+        load(file)
+    file.write_bytes(data[:40])
+    with pytest.raises(UserError, match=r'no topics .* breaks off at byte 40 .*; copy it again'):
+        load(file)
 
 
 def test_folder_without_metadata(bag: Path, tmp_path: Path) -> None:

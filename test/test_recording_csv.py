@@ -90,6 +90,7 @@ def test_round_trip_is_exact(tmp_path: Path, suffix: str) -> None:
         '# by a logger\n\n' + HEADER + '\n# comment\n0,1,2\n0.1,1,3\n',
         HEADER.replace(',', ';') + '\n0,0;1,0;2,0\n0,1;1,0;3,0\n',
         HEADER.replace(',', '\t') + '\n0\t1\t2\n0.1\t1\t3\n',
+        HEADER.replace(',', '\t') + '\n0\t1\t2,0\n0,1\t1\t3\n',
         '"time [s]","voltage [V]","speed [rad/s]","note"\n0,1,"2","a, b"\n0.1,1,3,\n',
         HEADER + ',note\n0,1,2,ok\n0.1,1,3,"x"\n',
         HEADER + '\n0,1,2\n0.1,1,3\n0.2,1',
@@ -233,11 +234,56 @@ def test_a_clock_set_back_within_a_step_is_no_overtaking(tmp_path: Path, phase: 
     assert codes(loaded) == {'time_jumps_back'}
 
 
+def at_times(path: Path, steps: np.ndarray) -> Loaded:
+    """Return a record whose rows follow each other by those steps, in s."""
+    times = np.cumsum(np.concatenate(([0.0], steps)))
+    return load(table(path, HEADER, [f'{t:.6f},1,{k}' for k, t in enumerate(times)]))
+
+
 def test_irregular_sampling_is_no_gap(tmp_path: Path) -> None:
     rng = np.random.default_rng(0)
-    steps = np.where(rng.random(500) < 0.1, 0.1, 0.005)
-    rows = [f'{t:.6f},1,{k}' for k, t in enumerate(np.cumsum(steps))]
-    assert len(load(table(tmp_path / 'a.csv', HEADER, rows)).records) == 1
+    loaded = at_times(tmp_path / 'a.csv', np.where(rng.random(500) < 0.1, 0.1, 0.005))
+    assert len(loaded.records) == 1
+    (said,) = loaded.findings
+    assert said.code == 'long_steps'
+    assert '`max_gap: 0.05`' in said.remedy
+    config = tmp_path / 'a.yaml'
+    columns = "signals: {speed: {column: 'speed [rad/s]'}}\ntime: {column: 'time [s]'}\n"
+    config.write_text(columns + 'max_gap: 0.05')
+    assert len(load(tmp_path / 'a.csv', config).records) > 5
+    config.write_text(columns + 'max_gap: 0.2')
+    assert load(tmp_path / 'a.csv', config).findings == ()
+
+
+def test_sampling_on_events_is_no_gap(tmp_path: Path) -> None:
+    """Steps of every length, some of them of more than ten median steps."""
+    rng = np.random.default_rng(0)
+    loaded = at_times(tmp_path / 'a.csv', rng.exponential(0.005, 5000) + 1e-4)
+    (record,) = loaded.records
+    assert np.max(np.diff(record.time)) > 10 * record.dt
+    assert loaded.findings == ()
+
+
+@pytest.mark.parametrize('rows', [22, 45, 90, 300])
+def test_holes_that_come_again_and_again_are_gaps(tmp_path: Path, rows: int) -> None:
+    steps = np.full(20 * rows, 0.002)
+    steps[rows - 1 :: rows] = 0.062
+    loaded = at_times(tmp_path / 'a.csv', steps)
+    assert [len(record) for record in loaded.records] == [rows] * 20
+    assert 'gap' in codes(loaded)
+    assert 'long_steps' not in codes(loaded)
+
+
+@pytest.mark.parametrize('rows', [12, 40])
+def test_bursts_and_a_heap_of_pieces_stay_one_record_and_are_told(
+    tmp_path: Path, rows: int
+) -> None:
+    """Holes after every dozen rows; rows that are sent and stamped by forty."""
+    steps = np.full(20 * rows, 0.002 if rows < 20 else 5e-5)
+    steps[rows - 1 :: rows] = 0.062
+    loaded = at_times(tmp_path / 'a.csv', steps)
+    assert len(loaded.records) == 1
+    assert codes(loaded) == {'long_steps'}
 
 
 def test_time_as_a_date_begins_at_zero(tmp_path: Path) -> None:
@@ -245,6 +291,63 @@ def test_time_as_a_date_begins_at_zero(tmp_path: Path) -> None:
     record = load(table(tmp_path / 'a.csv', HEADER, rows)).records[0]
     assert (record.time[0], record.time[-1]) == (0, pytest.approx(0.49, abs=1e-6))
     assert '1700000000' in record.provenance.notes[0]
+
+
+def offered(error: pytest.ExceptionInfo[UserError], folder: Path) -> Path:
+    """Return the msg_config that an error offers."""
+    path = folder / 'offered.yaml'
+    path.write_text(str(error.value).partition('for example')[2].partition('\n')[2])
+    return path
+
+
+def test_headers_in_another_language_are_offered_by_their_units(tmp_path: Path) -> None:
+    rows = [f'{k / 100};{k % 12};1500;60;{k}' for k in range(20)]
+    header = 'Zeit [s];Spannung [V];Strom (mA);Drehzahl [1/min];Winkel [°]'
+    path = table(tmp_path / 'a.csv', header, [row.replace('.', ',') for row in rows])
+    with pytest.raises(UserError, match='understood as a time') as error:
+        load(path)
+    assert 'COLUMN,' not in str(error.value)
+    record = load(path, offered(error, tmp_path)).records[0]
+    assert set(record) == {'voltage', 'current', 'speed', 'position'}
+    assert record.time[-1] == pytest.approx(0.19)
+    assert record['voltage'][3] == 3.0
+    assert record['current'] == pytest.approx(1.5)
+    assert record['speed'] == pytest.approx(2 * np.pi)
+    assert record['position'][9] == pytest.approx(np.deg2rad(9))
+
+
+def test_what_no_header_says_is_left_to_fill_in(tmp_path: Path) -> None:
+    path = table(tmp_path / 'a.csv', 't,qg,vir', ramp())
+    with pytest.raises(UserError, match='understood as a signal') as error:
+        load(path)
+    assert "time: {column: 't', unit: s}" in str(error.value)
+    assert 'voltage: {column: COLUMN, unit: V}' in str(error.value)
+    with pytest.raises(UserError, match='no column `COLUMN`; its columns are t, qg, vir'):
+        load(path, offered(error, tmp_path))
+    with pytest.raises(UserError, match=r'time: {column: COLUMN, unit: s}  # or {step: SECONDS}'):
+        load(table(tmp_path / 'b.csv', 'qg,vir', ['1,2', '2,3']))
+
+
+def dates(count: int = 50) -> list[str]:
+    return [f'2025-03-01T10:00:{0.02 * k:06.3f},{k % 12},{k}' for k in range(count)]
+
+
+def test_dates_need_no_msg_config_where_the_header_says_time(tmp_path: Path) -> None:
+    loaded = load(table(tmp_path / 'a.csv', 'time,voltage [V],speed [rad/s]', dates()))
+    assert loaded.records[0].time == pytest.approx(0.02 * np.arange(50))
+    assert loaded.findings == ()
+
+
+@pytest.mark.parametrize('head', ['time [s]', 'Zeit'])
+def test_dates_under_another_header_are_told_how_to_read(tmp_path: Path, head: str) -> None:
+    path = table(tmp_path / 'a.csv', f'{head},voltage [V],speed [rad/s]', dates())
+    with pytest.raises(UserError) as error:
+        load(path)
+    line = f"time: {{column: '{head}', unit: iso8601}}"
+    assert line in str(error.value)
+    config = tmp_path / 'a.yaml'
+    config.write_text(f"{line}\nsignals: {{speed: {{column: 'speed [rad/s]'}}}}")
+    assert load(path, config).records[0].time == pytest.approx(0.02 * np.arange(50))
 
 
 def test_wrapped_angle_is_made_continuous(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from motor_sysid.signals.units import parse_unit
         ('counts/s', 'count/s', 1), ('Nm', 'N m', 1), ('N m', 'N m', 1), ('mN·m', 'N m', 1e-3),
         ('mm/s', 'm/s', 1e-3), ('m/s^2', 'm/s^2', 1), ('rad/s²', 'rad/s^2', 1), ('%', '1', 0.01),
         ('-', '1', 1), ('', '1', 1), ('kg m^2', 'kg m^2', 1), ('g', 'kg', 1e-3),
+        ('1/min', 'rad/s', 2 * np.pi / 60), ('min^-1', 'rad/s', 2 * np.pi / 60),
         ('rad per s', 'rad/s', 1), ('V s/rad', 'V s/rad', 1), ('inch', 'm', 0.0254),
     ],
 )  # fmt: skip

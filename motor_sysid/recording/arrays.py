@@ -49,6 +49,11 @@ class ArrayTable:
         """Names of the columns."""
         return tuple(self.columns)
 
+    @property
+    def dated(self) -> frozenset[str]:
+        """Names of the columns that hold dates: none."""
+        return frozenset()
+
     def numbers(self, columns: Sequence[str]) -> dict[str, Array]:
         """Return columns (N,) of equal length.
 

@@ -38,17 +38,19 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     Raises
     ------
     UserError
-        If a topic or field that is not optional is missing, or nothing could be read.
+        If a topic or field that is not optional is missing, or nothing could be read; where the
+        bag is damaged, with what is wrong.
     """
     if not bag.topics:
-        raise UserError(f'{bag.path} is empty: it has no topics')
+        bag.read(())  # finds out whether it is damaged
+        raise UserError(_without_messages(bag, 'has no topics'))
     places = [(source, topic_of(bag, source, config)) for source in config.all_sources()]
     wanted = {topic.name: topic for _, topic in places if topic}
     if not wanted:
         raise UserError(_nothing_found(bag, config))
     messages = bag.read(list(wanted))
     if not any(len(found) for found in messages.values()):
-        raise UserError(f'{bag.path} has no messages on {", ".join(wanted)}; nothing was recorded')
+        raise UserError(_without_messages(bag, f'has no messages on {", ".join(wanted)}'))
     types = definitions(wanted.values())
     present = [(s, t) for s, t in places if t and len(messages.get(t.name, ()))]
     reader = _Reader(messages, types)
@@ -67,6 +69,14 @@ def rows_of_bag(bag: Bag, config: MsgConfig) -> tuple[list[Rows], Chosen, list[F
     rows, joined = align(series, choose_base(series, clock), units)
     known = [*_missing_topics(bag, config, chosen), *_unread(bag, found), *reader.findings]
     return rows, chosen, [*known, *clock_findings(series), *joined]
+
+
+def _without_messages(bag: Bag, what: str) -> str:
+    """Return the message for a bag in which nothing is found, or nothing is left."""
+    damage = [finding.message for finding in bag.findings if finding.code == 'damaged_bag']
+    if damage:
+        return f'{bag.path} {what} that can be read: {"; ".join(damage)}; copy it again'
+    return f'{bag.path} {what}; nothing was recorded'
 
 
 def topic_of(bag: Bag, source: Source, config: MsgConfig) -> Topic | None:
@@ -198,7 +208,7 @@ class _Reader:
     def _values(self, source: Source, topic: Topic) -> NDArray[np.float64]:
         read = self._column(topic, source.field)
         raw = np.where(read.present, read.values.astype(np.float64), np.nan)
-        return source.continuous(raw)
+        return source.continuous(raw, self.findings)
 
     def _stamps(self, source: Source, topic: Topic) -> NDArray[np.int64]:
         messages = self.messages[topic.name]

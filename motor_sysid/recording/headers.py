@@ -1,11 +1,11 @@
 """Understand CSV headers that bear their unit: ``speed [rad/s]``, ``speed_rad_s``, ``t_s``."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 import re
 
 from motor_sysid.errors import UserError
-from motor_sysid.recording.sources import MsgConfig, Source, TimeColumn
+from motor_sysid.recording.sources import ISO, MsgConfig, quoted, Source, TimeColumn
 from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.units import parse_unit
@@ -28,11 +28,12 @@ SUFFIXES = {
     'n_m': 'N m', 'mn_m': 'mN m', 'c': 'degC', 'degc': 'degC', 'percent': '%',
 }  # fmt: skip
 USUAL = {
-    'V': 'voltage', 'mV': 'voltage', 'A': 'current', 'mA': 'current', 'rad/s': 'speed',
-    'deg/s': 'speed', 'rpm': 'speed', 'm/s': 'speed',
-    'turns/s': 'speed', 'rad': 'position', 'deg': 'position', 'turns': 'position',
-    'm': 'position', 'N': 'force', 'N m': 'torque', '%': 'duty',
+    's': TIME, 'V': 'voltage', 'A': 'current', 'rad/s': 'speed', 'm/s': 'speed', 'rad': 'position',
+    'm': 'position', 'N': 'force', 'N m': 'torque', 'degC': 'temperature',
 }  # fmt: skip
+"""Signal that usually has an SI unit, for examples in messages."""
+COLUMN = 'COLUMN'
+"""Stands in examples for a header that the user has to name."""
 SI_TIME = 's'
 
 
@@ -50,11 +51,10 @@ def understand(column: str, columns: Sequence[str]) -> Heading | None:
 
     ``current_a`` is a current in ampere, unless ``current_b`` stands beside it (phases).
     """
-    match = re.fullmatch(r'(.+?)\s*[\[(](.*)[\])]', column.strip())
-    name = _plain(match[1] if match else column)
-    if match:
+    name, unit = _parts(column)
+    if unit:
         signal = _signal(name)
-        return Heading(column, signal, match[2].strip() or '-') if signal else None
+        return Heading(column, signal, unit) if signal else None
     others = {_plain(other) for other in columns}
     if name == 'current_a' and 'current_b' not in others:
         return Heading(column, 'current', 'A')
@@ -67,8 +67,19 @@ def understand(column: str, columns: Sequence[str]) -> Heading | None:
     return None
 
 
-def config_from_headers(origin: str, columns: Sequence[str]) -> tuple[MsgConfig, list[Finding]]:
+def config_from_headers(
+    origin: str, columns: Sequence[str], dated: Collection[str] = ()
+) -> tuple[MsgConfig, list[Finding]]:
     """Return the msg_config that the headers of a CSV amount to.
+
+    Parameters
+    ----------
+    origin:
+        The file, for messages.
+    columns:
+        Its headers.
+    dated:
+        Those of columns that hold dates; a time without unit is read as such.
 
     Raises
     ------
@@ -77,13 +88,15 @@ def config_from_headers(origin: str, columns: Sequence[str]) -> tuple[MsgConfig,
         the message shows the lines of a msg_config file that would help.
     """
     headings = [heading for column in columns if (heading := understand(column, columns))]
+    headings = [_as_date(heading, dated) for heading in headings]
     _refuse_twins(origin, headings)
     time = next((heading for heading in headings if heading.signal == TIME), None)
     counts = [heading for heading in headings if 'counts' in heading.unit]
     signals = [heading for heading in headings if heading.signal != TIME and heading not in counts]
     if time is None or not signals:
-        raise UserError(_help(origin, columns, 'time' if time is None else 'signal'))
-    if time.unit and parse_unit(time.unit).si != SI_TIME:
+        missing = 'time' if time is None else 'signal'
+        raise UserError(_help(origin, columns, headings, missing, dated))
+    if time.unit not in {'', ISO} and parse_unit(time.unit).si != SI_TIME:
         raise UserError(f'{origin}: column `{time.column}` is no time; use s, ms, us or ns')
     sources = {}
     for heading in signals:
@@ -100,6 +113,17 @@ def config_from_headers(origin: str, columns: Sequence[str]) -> tuple[MsgConfig,
 
 def _plain(name: str) -> str:
     return re.sub(r'[\s\-.]+', '_', name.strip().strip('"').lower())
+
+
+def _parts(column: str) -> tuple[str, str]:
+    """Return the name in a header, and the unit that stands in brackets (``-``: in empty ones)."""
+    match = re.fullmatch(r'(.+?)\s*[\[(](.*)[\])]', column.strip())
+    return (_plain(match[1]), match[2].strip() or '-') if match else (_plain(column), '')
+
+
+def _as_date(heading: Heading, dated: Collection[str]) -> Heading:
+    dates = heading.signal == TIME and not heading.unit and heading.column in dated
+    return replace(heading, unit=ISO) if dates else heading
 
 
 def _signal(name: str) -> str:
@@ -158,46 +182,64 @@ def _unscaled(headings: Sequence[Heading]) -> list[Finding]:
             Severity.WARNING, 'counts_without_scale',
             f'column `{heading.column}` is in encoder counts, of unknown size; it was left out',
             f'{heading.signal} is missing from the record',
-            f'in a msg_config file: `{heading.signal}: {{column: {_quoted(heading.column)}, '
+            f'in a msg_config file: `{heading.signal}: {{column: {quoted(heading.column)}, '
             'unit: counts, counts_per_turn: 2048}`',
         )
         for heading in headings
     ]  # fmt: skip
 
 
-def _help(origin: str, columns: Sequence[str], missing: str) -> str:
+def _help(
+    origin: str, columns: Sequence[str], headings: Sequence[Heading], missing: str,
+    dated: Collection[str],
+) -> str:  # fmt: skip
     """Return the error for headers that are not understood, with the YAML that would help."""
-    found = {column: understand(column, columns) for column in columns}
-    time = next((c for c, heading in found.items() if heading and heading.signal == TIME), None)
-    timed = f'column: {_quoted(time)}, unit: s' if time else 'step: 0.001'
-    lines = [f'time: {{{timed}}}', 'signals:']
-    unread = [column for column, heading in found.items() if not heading and column != time]
-    known = {h.signal: (h.column, h.unit) for h in found.values() if h and h.signal != TIME}
-    guesses = known | _guesses(unread)
-    guesses = guesses or {'voltage': (unread[0] if unread else 'COLUMN', 'V')}
-    for signal, (column, unit) in guesses.items():
+    understood = [heading.column for heading in headings]
+    known = _guesses([column for column in columns if column not in understood])
+    if dated:
+        known[TIME] = (min(dated), ISO)
+    known |= {heading.signal: (heading.column, heading.unit) for heading in headings}
+    column, unit = known.pop(TIME, ('', ''))
+    time = f'{quoted(column)}, unit: {unit or SI_TIME}}}'
+    time = time if column else f'{COLUMN}, unit: {SI_TIME}}}  # or {{step: SECONDS}}'
+    lines = [f'time: {{column: {time}', 'signals:']
+    for signal, (column, unit) in known.items():
         unit = unit.strip('-') or BY_NAME[signal].units[0]
-        lines.append(f'  {signal}: {{column: {_quoted(column)}, unit: {unit}}}')
+        lines.append(f'  {signal}: {{column: {quoted(column)}, unit: {quoted(unit)}}}')
+    if not known:
+        lines += [f'  voltage: {{column: {COLUMN}, unit: V}}']
+        lines += [f'  speed: {{column: {COLUMN}, unit: rad/s}}']
+    yaml = '\n  '.join(lines)
+    hint = f' (with headers in place of {COLUMN})' if f'column: {COLUMN}' in yaml else ''
     return (
         f'{origin}: no column is understood as a {missing}; its columns are '
         f'{", ".join(columns)}. Write headers with units (`time [s],voltage [V],current [A],'
         'speed [rad/s],position [rad]`), or say what the columns are in a msg_config file, given '
-        'with --msg-config FILE, for example\n  ' + '\n  '.join(lines)
+        f'with --msg-config FILE, for example{hint}\n  {yaml}'
     )
 
 
 def _guesses(columns: Sequence[str]) -> dict[str, tuple[str, str]]:
-    """Guess signals from the unit at the end of headers, for an example: (column, unit)."""
+    """Guess signals from the unit that headers bear, for an example: (column, unit)."""
     found: dict[str, tuple[str, str]] = {}
     for column in sorted(columns, key=len):
-        name = _plain(column)
-        for suffix in sorted(SUFFIXES, key=len, reverse=True):
-            unit = SUFFIXES[suffix]
-            if f'_{name}'.endswith(f'_{suffix}') and unit in USUAL:
-                found.setdefault(USUAL[unit], (column, unit))
-                break
+        unit = _unit_of(column)
+        signal = 'duty' if unit == '%' else USUAL.get(_si(unit), '')
+        if signal:
+            found.setdefault(signal, (column, unit))
     return found
 
 
-def _quoted(text: str) -> str:
-    return "'" + text.replace("'", "''") + "'"
+def _unit_of(column: str) -> str:
+    """Return the unit in brackets or at the end of a header, empty if there is none."""
+    name, unit = _parts(column)
+    ends = (suffix for suffix in SUFFIXES if f'_{name}'.endswith(f'_{suffix}'))
+    return unit or SUFFIXES.get(max(ends, key=len, default=''), '')
+
+
+def _si(unit: str) -> str:
+    """Return the SI unit that a text converts to, empty if it is none."""
+    try:
+        return parse_unit(unit).si if unit else ''
+    except UserError:
+        return ''

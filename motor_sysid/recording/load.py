@@ -105,7 +105,7 @@ def _load_table(path: Path, config: MsgConfig | None) -> Loaded:
     table = read_arrays(path) if path.suffix.lower() in SUFFIXES else read_table(path)
     findings: list[Finding] = []
     if config is None:
-        config, findings = config_from_headers(str(path), table.names)
+        config, findings = config_from_headers(str(path), table.names, table.dated)
     parts, chosen = rows_of_table(table, config)
     origins = {name: source.describe() for name, source in chosen.items()}
     return _finished(path, config, parts, origins, [*findings, *table.findings])

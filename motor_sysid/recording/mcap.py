@@ -6,7 +6,7 @@ message index says where each message lies, so nothing is done per message in Py
 """
 
 from collections import defaultdict
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 import mmap
 from pathlib import Path
@@ -20,7 +20,7 @@ from motor_sysid.recording.messages import Bytes, concatenate, from_list, Messag
 from motor_sysid.signals.finding import Finding, Severity
 
 MAGIC = b'\x89MCAP0\r\n'
-SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, DATA_END = 3, 4, 5, 6, 7, 15
+SCHEMA, CHANNEL, MESSAGE, CHUNK, INDEX, CHUNK_INDEX, DATA_END = 3, 4, 5, 6, 7, 8, 15
 KNOWN = range(1, 128)
 MESSAGE_HEAD = struct.Struct('<BQHIQQ')
 """Opcode, length, channel, sequence, log time, publish time; the message follows."""
@@ -56,7 +56,9 @@ class McapFile:
         self.findings: list[Finding] = []
         self._channels: dict[int, Topic] = {}
         self._schemas: dict[int, tuple[str, str, str]] = {}
-        self._lost = ''
+        self._break = ''
+        self._spoilt: list[str] = []
+        self._chunk_starts: list[int] = []
         with path.open('rb') as file:
             if path.stat().st_size == 0:
                 raise UserError(f'{path} is empty (0 bytes); nothing was recorded')
@@ -74,7 +76,7 @@ class McapFile:
 
     def read(self, names: Collection[str]) -> dict[str, Messages]:
         """Return the messages of the named topics, in the order in which they were stored."""
-        self._lost = ''
+        self._break, self._spoilt = '', []
         begin = 0
         pieces: dict[str, list[Messages]] = defaultdict(list)
         for region, index in self._regions():
@@ -84,8 +86,7 @@ class McapFile:
                 if topic and topic.name in names:
                     pieces[topic.name].append(messages.behind(begin))
             begin += len(region)
-        if self._lost:
-            self.findings.append(_damage(self.path, self._lost))
+        self.findings += _damage(self.path.name, self._break, self._spoilt)
         return {name: concatenate(pieces[name]) for name in names if name in pieces}
 
     def _regions(self) -> 'Iterator[tuple[memoryview, list[memoryview]]]':
@@ -93,13 +94,14 @@ class McapFile:
         region: memoryview | None = None
         index: list[memoryview] = []
         loose_from = -1
-        position = 8
-        for record, start, position in self._records():  # noqa: B007
+        position = reached = 8
+        for record, start, position in self._records():
+            hole, reached = start > reached, position
             if record.opcode == INDEX:
                 index.append(record.content)
                 continue
             if region is not None:
-                yield region, index
+                yield region, [] if hole else index
                 region, index = None, []
             if record.opcode == MESSAGE and loose_from < 0:
                 loose_from = start
@@ -118,23 +120,39 @@ class McapFile:
             yield self._data[loose_from:position], []
 
     def _records(self) -> Iterator[tuple[_Record, int, int]]:
-        """Yield top-level records with their start and end; stops where the file is damaged."""
+        """Yield top-level records with their start and end; stops where the file breaks off.
+
+        Damage within the file costs what lies before the next chunk that its summary names.
+        """
         position, size = 8, len(self._data)
+        chunks = iter(sorted(self._chunk_starts))
+        ahead = next(chunks, size)
         while position < size:
+            while ahead <= position:
+                ahead = next(chunks, size)
+            if ahead < size and self._end(position) > ahead:
+                self._spoilt.append(f'nothing can be read of bytes {position} to {ahead}')
+                position = ahead
+                continue
             if size - position < 9 or self._data[position] not in KNOWN:
-                self._lost = f'it breaks off at byte {position} of {size}'
+                self._break = f'it breaks off at byte {position} of {size}'
                 return
             opcode, length = struct.unpack_from('<BQ', self._data, position)
             end = position + 9 + length
             whole = end <= size
             yield _Record(opcode, self._data[position + 9 : end], whole), position, min(end, size)
             if not whole:
-                self._lost = f'it breaks off at byte {size} within a record'
+                self._break = f'it breaks off at byte {size} within a record'
                 return
             if opcode == DATA_END:
                 return
             position = end
-        self._lost = f'it breaks off at byte {size}, before its index'
+        self._break = f'it breaks off at byte {size}, before its index'
+
+    def _end(self, position: int) -> int:
+        """Return where the record at a position ends; beyond any file if there is none."""
+        opcode, length = struct.unpack_from('<BQ', self._data, position)
+        return int(position + 9 + length) if opcode in KNOWN else 1 << 64
 
     def _chunk(self, record: _Record) -> memoryview | None:
         """Return the records of a chunk, as far as they can be had, and note its channels."""
@@ -148,10 +166,10 @@ class McapFile:
             return None
         region = memoryview(_decompressed(compression, payload)) if compression else payload
         if compression and not region:
-            self._lost = 'one chunk cannot be decompressed and was left out'
+            self._spoilt.append('one chunk cannot be decompressed')
             return None
         if record.whole and (len(region) != size or (crc and zlib.crc32(region) != crc)):
-            self._lost = 'one chunk does not match its checksum and was left out'
+            self._spoilt.append('one chunk does not match its checksum')
             return None
         for opcode, start, end in _inner(region):
             if opcode in {SCHEMA, CHANNEL}:
@@ -177,7 +195,7 @@ class McapFile:
         )  # fmt: skip
 
     def _read_summary(self) -> bool:
-        """Take the topics from the summary at the end of a file that was closed properly."""
+        """Take topics and chunks from the summary at the end of a file that was closed."""
         size = len(self._data)
         if size < 45 or bytes(self._data[-8:]) != MAGIC:
             return False
@@ -185,8 +203,13 @@ class McapFile:
         if not 8 < start < size:
             return False
         for opcode, first, last in _inner(self._data[start : size - 37]):
+            content = self._data[start + first : start + last]
             if opcode in {SCHEMA, CHANNEL}:
-                self._note(opcode, self._data[start + first : start + last])
+                self._note(opcode, content)
+            elif opcode == CHUNK_INDEX and len(content) >= 24:
+                (first,) = struct.unpack_from('<Q', content, 16)
+                if first < size - 9 and self._data[first] == CHUNK and self._end(first) < size:
+                    self._chunk_starts.append(first)
         return bool(self._channels)
 
 
@@ -283,9 +306,24 @@ def _mapping(content: memoryview, position: int) -> dict[str, str]:
     return found
 
 
-def _damage(path: Path, what: str) -> Finding:
-    return Finding(
-        Severity.WARNING, 'damaged_bag', f'{path.name} is damaged: {what}',
-        'everything before the damage was read; what came after it is lost',
-        'close the recorder with Ctrl-C and wait for it; sqlite3 storage survives a kill',
-    )  # fmt: skip
+def _damage(name: str, broken_off: str, spoilt: Sequence[str]) -> list[Finding]:
+    """Return the findings: where the file breaks off, and what cannot be read before that."""
+    found = []
+    if broken_off:
+        found.append(
+            Finding(
+                Severity.WARNING, 'damaged_bag', f'{name} is damaged: {broken_off}',
+                'everything before the damage was read; what came after it is lost',
+                'close the recorder with Ctrl-C and wait for it; sqlite3 storage survives a kill',
+            )
+        )  # fmt: skip
+    if spoilt:
+        more = f' (and at {len(spoilt) - 1} other places)' if len(spoilt) > 1 else ''
+        found.append(
+            Finding(
+                Severity.WARNING, 'damaged_bag', f'{name} is damaged: {spoilt[0]}{more}',
+                'the messages there are lost; all others were read',
+                'copy the bag again from its source', {'places': len(spoilt)},
+            )
+        )  # fmt: skip
+    return found

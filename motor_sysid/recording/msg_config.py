@@ -25,8 +25,10 @@ TOP_KEYS = ('description', 'namespace', 'base_clock', 'max_gap', 'time', 'segmen
             'signals')  # fmt: skip
 PLACES = ('topic', 'column', 'product', 'sum', 'constant')
 SOURCE_KEYS = (*PLACES, 'type', 'field', 'unit', 'scale', 'offset', 'sign', 'counts_per_turn',
-               'gear_ratio', 'shift', 'stamp', 'stamp_unit', 'when', 'optional')  # fmt: skip
+               'gear_ratio', 'wrap', 'shift', 'stamp', 'stamp_unit', 'when',
+               'optional')  # fmt: skip
 TIME_KEYS = ('column', 'step', 'unit')
+WRAPPING = ('position', 'position_reference')
 GEARED = (*DIVIDED_BY_GEAR, *MULTIPLIED_BY_GEAR)
 CONDITION_KEYS = ('field', 'is', 'is_not')
 
@@ -206,6 +208,7 @@ class _Reader:
             sign=self.sign(table, where),
             counts_per_turn=self.number(table, 'counts_per_turn', 0.0, where),
             gear_ratio=self.number(table, 'gear_ratio', 1.0, where),
+            wrap=self.number(table, 'wrap', 0.0, where) if 'wrap' in table else None,
             shift=self.whole(table, 'shift', where),
             stamp=self.text(table, 'stamp', stamp, where),
             stamp_unit=self.text(table, 'stamp_unit', 's', where),
@@ -249,6 +252,11 @@ class _Reader:
                 source.gear_ratio != 1 and source.signal not in GEARED,
                 f'has a `gear_ratio`, which goes with {", ".join(GEARED)} only; write another '
                 'ratio as `scale`',
+            ),
+            ((source.wrap or 0.0) < 0, f'`wrap` is {source.wrap}, must be 0 (never) or above'),
+            (
+                source.wrap is not None and source.signal not in WRAPPING,
+                f'has a `wrap`, which goes with {" and ".join(WRAPPING)} only',
             ),
             (source.counts_per_turn < 0, '`counts_per_turn` must be above 0'),
             (bool(source.shift) and not source.column, '`shift` goes with `column` only'),

@@ -14,9 +14,13 @@ from motor_sysid.signals.record import Provenance, Record
 Array = NDArray[np.float64]
 
 GAP_STEPS = 10
-"""A step longer than this many median steps ends a record, unless such steps are common."""
-COMMON_STEPS = 3
-"""... more than this many times the 99th percentile, on irregular sampling."""
+"""A step longer than this many median steps is a gap and ends a record, if such are rare."""
+USUAL_STEPS = 3
+"""... longer than this many times what 99 % of the usual steps stay below."""
+COMMON, RARE = 0.05, 0.01
+"""Share of long steps above which they are part of the sampling, and up to which they are not."""
+MOSTLY = 0.8
+"""Share of the time that they hold above which they are part of it in between (bursts)."""
 SHORTEST = 10
 """Pieces of fewer samples are left out where longer ones exist."""
 ORDER = {channel.name: i for i, channel in enumerate(CHANNELS)}
@@ -207,12 +211,33 @@ def _without_repeats(rows: Rows, findings: list[Finding]) -> Rows:
 
 
 def gap_limit(time: Array) -> float:
-    """Return the step in s above which a gap ends a record."""
+    """Return the step in s above which a gap ends a record.
+
+    Ten median steps, or three times what 99 % of the usual steps stay below: where the steps are
+    spread, as of what is sampled on events, long ones are usual.
+    """
     steps = np.diff(time)
     if steps.size == 0:
         return np.inf
-    common = COMMON_STEPS * float(np.quantile(steps, 0.99)) if steps.size > 100 else 0.0
-    return max(GAP_STEPS * float(np.median(steps)), common)
+    long = _long_steps(steps)
+    usual = steps if _are_common(steps, long) else steps[~long]
+    spread = USUAL_STEPS * float(np.quantile(usual, 0.99)) if steps.size > 100 else 0.0
+    return max(GAP_STEPS * float(np.median(steps)), spread)
+
+
+def _long_steps(steps: Array) -> NDArray[np.bool_]:
+    """Tell which steps are as long as gaps."""
+    return np.asarray(steps > GAP_STEPS * float(np.median(steps)))
+
+
+def _are_common(steps: Array, long: NDArray[np.bool_]) -> bool:
+    """Tell whether long steps are how it was sampled, on events or in bursts, and no gaps.
+
+    To split at so many would leave pieces of fewer than 20 rows, or hardly any of the time.
+    """
+    share = float(np.mean(long))
+    held = float(np.sum(steps[long]))
+    return share > COMMON or (share > RARE and held > MOSTLY * float(np.sum(steps)))
 
 
 def _contiguous(rows: Rows, max_gap: float | None, findings: list[Finding]) -> list[Rows]:
@@ -233,8 +258,29 @@ def _contiguous(rows: Rows, max_gap: float | None, findings: list[Finding]) -> l
                 {'gaps': cuts.size, 'longest_s': steps[longest], 'limit_s': limit},
             )
         )  # fmt: skip
+    if max_gap is None and steps.size:
+        findings += _long_steps_kept(steps, limit)
     edges = [0, *cuts.tolist(), len(rows.time)]
     return [rows.take(slice(start, stop)) for start, stop in pairwise(edges)]
+
+
+def _long_steps_kept(steps: Array, limit: float) -> list[Finding]:
+    """Say where steps like gaps were left within a record because there are so many."""
+    long = _long_steps(steps) & (steps <= limit)
+    if not _are_common(steps, long):
+        return []
+    least, count = GAP_STEPS * float(np.median(steps)), int(np.sum(long))
+    return [
+        Finding(
+            Severity.WARNING, 'long_steps',
+            f'{count} of {steps.size} steps ({count / steps.size:.1%}) are longer than {least:.3g}'
+            ' s, ten median steps; taken as how it was sampled, and not split there',
+            'what the signals did meanwhile is unknown, and the input is taken as held',
+            f'if these are holes, split there with `max_gap: {least:.2g}` in a msg_config file; a '
+            f'`max_gap` above {np.max(steps[long]):.3g} says that they belong there',
+            {'steps': count, 'limit_s': least, 'longest_s': float(np.max(steps[long]))},
+        )
+    ]  # fmt: skip
 
 
 def _without_stubs(pieces: list[Rows], findings: list[Finding]) -> list[Rows]:

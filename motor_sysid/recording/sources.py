@@ -8,7 +8,9 @@ from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.units import COUNT, parse_unit, TURN, Unit
+from motor_sysid.signals.wrapping import find_wrap, unwrapped, Wrap
 
 Array = NDArray[np.float64]
 
@@ -54,6 +56,8 @@ class Source:
         Needed for the units ``counts`` and ``counts/s``.
     gear_ratio:
         Turns of the sensor's shaft per turn of the record's shaft.
+    wrap:
+        Range after which the sensor starts anew, in `unit`; 0: never; None: look for it.
     shift:
         Rows of a table by which the values belong later; negative: earlier.
     stamp:
@@ -80,6 +84,7 @@ class Source:
     sign: int = 1
     counts_per_turn: float = 0.0
     gear_ratio: float = 1.0
+    wrap: float | None = None
     shift: int = 0
     stamp: str = 'header'
     stamp_unit: str = 's'
@@ -123,9 +128,41 @@ class Source:
         """Scale raw values (N,), convert them to SI and take them through the gear."""
         return self._through_gear(self._at_sensor(raw))
 
-    def continuous(self, raw: Array) -> Array:
-        """Return `to_si`, of an angle that its sensor shows within one turn made continuous."""
-        return self._through_gear(unwrapped(self._at_sensor(raw), self.si_unit()))
+    def continuous(self, raw: Array, findings: list[Finding]) -> Array:
+        """Return `to_si` (N,), made continuous where the sensor starts anew at its range's end.
+
+        A range that is neither given nor a turn is told in `findings`.
+        """
+        values = self._at_sensor(raw)
+        period = self._range(values, findings) if self.wrap is None else self.wrap * self._unit()
+        return self._through_gear(unwrapped(values, period) if period else values)
+
+    def _range(self, values: Array, findings: list[Finding]) -> float:
+        """Find the range in rad after which an angle starts anew, 0 if it does not."""
+        found = find_wrap(values, self._unit()) if self.si_unit() == 'rad' else None
+        if found is None or found.period == TURN:
+            return TURN if found else 0.0
+        if self.signal != 'position' or not found.certain:
+            return 0.0  # a reference may jump
+        findings.append(self._unwrapped(found))
+        return found.period
+
+    def _unwrapped(self, found: Wrap) -> Finding:
+        """Return the finding for a range that is no turn."""
+        period = f'{found.period / self._unit():.9g}'
+        return Finding(
+            Severity.INFO, 'position_unwrapped',
+            f'the sensor of `{self.column or self.topic}` starts anew every {period} '
+            f'{self._parsed_unit().symbol}, as {found.places.size} jumps of that size show; the '
+            'position was made continuous',
+            '', f'if it moved like that, write `wrap: 0` in a msg_config file; `wrap: {period}` '
+            'makes it sure', {'period_rad': found.period, 'jumps': found.places.size},
+        )  # fmt: skip
+
+    def _unit(self) -> float:
+        """Return the size of the unit in SI."""
+        factor = self._parsed_unit().factor
+        return factor * TURN / self.counts_per_turn if self.counts_per_turn else factor
 
     def _at_sensor(self, raw: Array) -> Array:
         values = raw
@@ -158,22 +195,6 @@ class Source:
         steps += [f'{self.shift:+d} row(s)'] if self.shift else []
         unit = [] if not self.unit or f'[{self.unit}]' in place else [f'[{self.unit}]']
         return ' '.join([place, *steps, *unit])
-
-
-def unwrapped(values: Array, unit: str) -> Array:
-    """Return an angle (N,) rad made continuous where it jumps by a turn; others unchanged.
-
-    Only what stays within one turn and jumps by most of it is taken as wrapped.
-    """
-    finite = np.isfinite(values)
-    inside = values[finite]
-    if unit != 'rad' or inside.size < 3 or np.ptp(inside) > TURN * (1 + 1e-6):
-        return values
-    if np.max(np.abs(np.diff(inside))) < 0.8 * TURN:
-        return values
-    result = values.copy()
-    result[finite] = np.unwrap(inside)
-    return result
 
 
 ISO = 'iso8601'
@@ -227,3 +248,8 @@ class MsgConfig:
     def all_sources(self) -> tuple[Source, ...]:
         """Return every source of every signal."""
         return tuple(source for sources in self.sources.values() for source in sources)
+
+
+def quoted(text: str) -> str:
+    """Return a header as YAML takes it, whatever stands in it."""
+    return "'" + text.replace("'", "''") + "'"

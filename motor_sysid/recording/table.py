@@ -12,8 +12,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.recording.sources import ISO, quoted
 from motor_sysid.recording.table_lines import (
     are_numbers,
+    cells_of,
     Lines,
     MISSING,
     number_in,
@@ -50,6 +52,14 @@ class Table:
     def names(self) -> tuple[str, ...]:
         """Headers of the columns."""
         return self.lines.names
+
+    @property
+    def dated(self) -> frozenset[str]:
+        """Headers of the columns that begin with a date."""
+        cells = cells_of(self.lines.rows[0], self.lines.delimiter) or []
+        return frozenset(
+            name for name, cell in zip(self.names, cells, strict=False) if _is_date(cell.strip())
+        )
 
     def numbers(self, columns: Sequence[str]) -> dict[str, Array]:
         """Return columns (N,) as numbers; a missing or bad cell is NaN.
@@ -152,10 +162,11 @@ class Table:
         line, share = self.lines.numbers[bad[0]], f'{len(bad)} of {len(cells)} rows'
         where = f'line {line}, column `{column}`: `{cells[bad[0]][:40]}` is not a {kind}'
         if len(bad) > TOLERATED * len(cells):
-            raise UserError(
-                f'{self.path}: {where}; {share} are like that; mend the file, or leave the column '
-                'out through a msg_config file'
-            )
+            remedy = 'mend the file, or leave the column out through a msg_config file'
+            if _is_date(cells[bad[0]]):
+                date = f'time: {{column: {quoted(column)}, unit: {ISO}}}'
+                remedy = f'if it is the time, write `{date}` in a msg_config file'
+            raise UserError(f'{self.path}: {where}; {share} are like that; {remedy}')
         self.findings.append(
             Finding(
                 Severity.WARNING, 'text_in_number_column', f'{where} ({share})',
@@ -200,3 +211,9 @@ def _stamp(cell: str) -> np.datetime64 | None:
         return np.datetime64(_stamps([cell])[0])
     except ValueError:
         return None
+
+
+def _is_date(cell: str) -> bool:
+    """Tell whether a cell holds a date such as ``2025-11-12T10:03:29``."""
+    stamp = _stamp(cell)
+    return stamp is not None and not bool(np.isnat(stamp))

@@ -79,7 +79,7 @@ def read_lines(path: Path, findings: list[Finding]) -> Lines:
     if not kept:
         raise UserError(f'{path} has a header ({", ".join(names)}) but no rows')
     rows = [lines[k] for k in kept]
-    if delimiter == ';':
+    if delimiter != ',':
         rows = [row.replace(',', '.') for row in rows]  # a decimal comma
     marks = ''.join(mark for mark in '"#' if mark in text)
     found = Lines(names, delimiter, rows, [k + 1 for k in kept], marks)

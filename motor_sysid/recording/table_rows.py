@@ -32,8 +32,8 @@ def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[s
     """
     if config.time is None:
         raise UserError(
-            f'{config.origin} names no time column; add `time: {{column: {table.names[0]}, '
-            f'unit: s}}`, or `time: {{step: 0.001}}` if there is none; the '
+            f'{config.origin} names no time column; add `time: {{column: COLUMN, unit: s}}`, or '
+            f'`time: {{step: SECONDS}}` if there is none; the '
             f'columns of {table.path} are {", ".join(table.names)}'
         )
     chosen = _choose(table, config)
@@ -43,7 +43,8 @@ def rows_of_table(table: Columns, config: MsgConfig) -> tuple[list[Rows], dict[s
     time = _time(table, config.time, numbers)
     units = {name: source.si_unit() for name, source in chosen.items()}
     signals = {
-        name: source.continuous(numbers[source.column]) for name, source in chosen.items()
+        name: source.continuous(numbers[source.column], table.findings)
+        for name, source in chosen.items()
     }
     pieces = _segments(Rows(time, signals, units), table, config)
     return [_shifted(rows, chosen) for rows in pieces], chosen
@@ -86,8 +87,7 @@ def _choose(table: Columns, config: MsgConfig) -> dict[str, Source]:
     if not chosen:
         raise UserError(
             f'{config.origin} names no column of {table.path}; its columns are '
-            f'{", ".join(table.names)}; write e.g. '
-            f'`voltage: {{column: {table.names[-1]}, unit: V}}`'
+            f'{", ".join(table.names)}; write e.g. `voltage: {{column: COLUMN, unit: V}}`'
         )
     return chosen
 

@@ -7,6 +7,7 @@ from motor_sysid.signals.checks import (
     dynamics,
     encoder,
     excitation,
+    jumps,
     phases,
     plausibility,
     timing,
@@ -37,7 +38,7 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
         raise UserError('there is no record to examine')
     findings = [*values.check(every)]
     if not any(finding.code == 'non_finite' for finding in findings):
-        for check in (encoder.check, excitation.check, dynamics.check, phases.check):
+        for check in (encoder.check, excitation.check, dynamics.check, phases.check, jumps.check):
             findings += check(every)
         findings += plausibility.check(every, k_e)
     findings += timing.check(every)

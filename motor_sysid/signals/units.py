@@ -92,6 +92,8 @@ CASELESS = {
     word.lower(): word
     for word in ('V', 'A', 'N', 'Nm', 'ohm', 'Hz', 'rpm', 'rad', 'deg', 'rev', 's', 'mV', 'mA')
 }
+TURNING = {'1/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
+"""What data sheets write for rpm."""
 ORDER = ('V', 'A', 'rad', 'count', 'kg', 'N', 'm', 's')
 
 
@@ -108,7 +110,7 @@ def parse_unit(text: str) -> Unit:
         If the unit is not known; the message names what is.
     """
     symbol = text.strip()
-    if found := _temperature(symbol) or _product(symbol):
+    if found := _temperature(symbol) or _product('rpm' if symbol in TURNING else symbol):
         return Unit(symbol, *found)
     known = sorted({*ATOMS, *TEMPERATURES, 'mV', 'mA', 'ms', 'us', 'rad/s', 'deg/s', 'rev/s'})
     raise UserError(
