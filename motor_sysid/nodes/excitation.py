@@ -251,7 +251,7 @@ class ExcitationNode(LoopNode):
         text, warn = self.reason or self.state.value, self.state is State.STOPPED
         if self.state is State.RUNNING and not self.count_subscribers(self._topic):
             text, warn = f'nobody listens to {self._topic}', True
-        status = Status('excitation', values, text, warn=warn)
+        status = Status(self.full_name, values, text, warn=warn)
         self._diagnostics.publish(self._grid.now(), [status])
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

@@ -42,6 +42,7 @@ from motor_sysid.nodes.statuses import (
     estimate_statuses,
     fit_statuses,
     Status,
+    under,
 )
 from motor_sysid.nodes.topics import with_types
 
@@ -232,7 +233,7 @@ class IdentifierNode(LoopNode):
         statuses = self._health.statuses(fitted.noise if fitted else {})
         statuses.append(diagnosis_summary(self._work.diagnosis, self._work.diagnosing))
         statuses += self._condition.statuses()
-        self._diagnostics.publish(now_ns(self.get_clock()), statuses)
+        self._diagnostics.publish(now_ns(self.get_clock()), under(self.full_name, statuses))
 
     def _publish_model(self, stamp: int) -> None:
         statuses = [Status('configuration', self._configuration.to_texts())]

@@ -147,7 +147,7 @@ class RecorderNode(LoopNode):
         }
         lost = 'messages were lost' if values['lost'] else ''
         trouble = TIMELESS if self._timeless else lost
-        status = Status('recorder', values, trouble or 'ok', warn=bool(trouble))
+        status = Status(self.full_name, values, trouble or 'ok', warn=bool(trouble))
         self._diagnostics.publish(now_ns(self.get_clock()), [status])
 
     def _lost(self) -> int:
