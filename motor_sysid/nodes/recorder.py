@@ -120,21 +120,26 @@ class RecorderNode(LoopNode):
         publishers = self.get_publishers_info_by_topic(name)
         if not publishers:
             return
-        offered, topic = [info.qos_profile for info in publishers], None
+        offered = [info.qos_profile for info in publishers]
+        qos = adapted_qos(offered, QoSProfile(depth=DEPTH))
         try:
-            topic = RawTopic(
-                self, name, message_type, adapted_qos(offered, QoSProfile(depth=DEPTH))
-            )
-            definition, digest = own_definition(message_type), publishers[0].topic_type_hash
-            self._bag.add_topic(name, message_type, offered, definition, str(digest))
+            definition = own_definition(message_type)
+            topic = RawTopic(self, name, message_type, qos)
         except UserError as error:
-            if topic is not None:
-                topic.destroy()
-            self._refused.add(name)
-            self.get_logger().warning(f'{name} is not recorded: {error}')
+            self._refuse(name, str(error))
+            return
+        digest = str(publishers[0].topic_type_hash)
+        reason = self._bag.add_topic(name, message_type, offered, definition, digest)
+        if reason:
+            topic.destroy()
+            self._refuse(name, reason)
             return
         self._topics[name] = topic
         self.get_logger().info(f'{name} [{message_type}]')
+
+    def _refuse(self, name: str, reason: str) -> None:
+        self._refused.add(name)
+        self.get_logger().warning(f'{name} is not recorded: {reason}')
 
     def _report(self) -> None:
         for topic in self._topics.values():
