@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 import time
 
 from rclpy.context import Context
@@ -16,7 +15,7 @@ from motor_sysid.nodes.intake import adapted_qos, RawTopic
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
 from motor_sysid.nodes.message_types import own_definition
-from motor_sysid.nodes.parameters import parameter, Settings
+from motor_sysid.nodes.parameters import as_path, parameter, Settings
 from motor_sysid.nodes.publishing import DEPTH, DiagnosticsPublisher, now_ns
 from motor_sysid.nodes.statuses import Status
 from motor_sysid.recording.writer import BagWriter, STORAGES
@@ -66,7 +65,7 @@ class RecorderNode(LoopNode):
         self._diagnostics = DiagnosticsPublisher(self, '/diagnostics', QoSProfile(depth=10))
         self._simulated = bool(self.get_parameter('use_sim_time').value)
         name = s.path or f'bag_{datetime.now().astimezone():%Y%m%d_%H%M%S}'
-        self._path = Path(name).resolve()
+        self._path = as_path(name).resolve()
         self._bag = BagThread(lambda: BagWriter(self._path, s.storage))
         self.get_logger().info(f'recording to {self._path}')
 
