@@ -98,7 +98,7 @@ class IdentifierNode(LoopNode):
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()
         self._work = LongWork(self.get_logger())
-        self._next_look = 0.0
+        self._next_look, self._doubt = 0.0, ''
         self._advertise()
         self._publish_model(now_ns(self.get_clock()))
         if s.refit_period or s.diagnose_period:
@@ -226,6 +226,9 @@ class IdentifierNode(LoopNode):
         if self._pipeline is None:
             self._connect()
             return
+        if self._pipeline.doubt != self._doubt:
+            self._doubt = self._pipeline.doubt
+            self.get_logger().warning(self._doubt)
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')

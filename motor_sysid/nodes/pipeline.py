@@ -90,8 +90,8 @@ class Pipeline:
     signals:
         Every signal of the window, in order.
     not_finite:
-        Samples with a value that is no finite number where one is needed, and messages whose
-        stamp is none.
+        Samples with a value that is no finite number where one is needed, and messages without a
+        stamp that can be one.
     overrun:
         Samples dropped because the estimator is slower than they come.
     """
@@ -129,6 +129,11 @@ class Pipeline:
         self.window.append(stamps, values, _arrange(values, *self._columns)[0])
         self.window.clear()
         self._angles.unwrap(np.zeros((1, len(self._plan.read))), _fall_back(stamps, NEVER))
+
+    @property
+    def doubt(self) -> str:
+        """What is odd about the stamps of a topic, in words; empty if nothing is."""
+        return next((reader.doubt for reader in self._readers if reader.doubt), '')
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
