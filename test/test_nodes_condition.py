@@ -104,7 +104,7 @@ def test_the_node_publishes_the_line(
     monkeypatch.setattr(node, '_diagnostics', sink)
     node._next_look = 0.0
     node._look()
-    (status,) = (one for one in published if one.name == NAME)
+    (status,) = (one for one in published if one.name == f'identifier: {NAME}')
     assert status.warn
     assert 'demagnetised' in status.message
     monkeypatch.setattr(node, '_pipeline', None)

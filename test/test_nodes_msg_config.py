@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -71,6 +72,31 @@ def test_a_stamp_may_be_a_number_in_a_unit_below_a_namespace(
     assert stamps.tolist() == [1_000_500_000 + 2_000_000 * k for k in range(100) if k != 50]
     assert values[-1].tolist() == [6.0, 0.3, 139.0]
     assert pipeline.not_finite == 1, 'a message without a stamp'
+
+
+def test_a_stamp_that_can_be_none_is_left_out_and_told_once(
+    make_node: Callable[..., LoopNode], other: Node, drive: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    drive.write_text(ARRAY.replace(', stamp_unit: ms', ''))
+    publisher = other.create_publisher(Float64MultiArray, '/arm/drive', 1000)
+    node = make_node(IdentifierNode, msg_config=str(drive), sample_time=0.001)
+    told: list[str] = []
+    logger = SimpleNamespace(warning=told.append, info=lambda text: None)
+    monkeypatch.setattr(node, 'get_logger', lambda: logger)
+    wait_for(lambda: (node.step(), node._topics and node._topics[0].publishers)[1], 'a match')
+    odd = [1.7e18, 1.7e15, 1e300, 3e9, 2.0**31, -1.0, float('inf'), float('nan')]
+    for stamp in [*odd, 5.0, 2.0**31 - 1]:
+        publisher.publish(Float64MultiArray(data=[stamp, 6.0, 0.3, 40.0]))
+    pipeline = node._pipeline
+    wait_for(lambda: (node.step(), pipeline.join.counts.joined == 2)[1], 'the samples')
+    assert pipeline.not_finite == len(odd)
+    for _ in range(3):
+        node._next_look = 0.0
+        node.step()
+    (line,) = told
+    assert 'stamp 1.7e+18 s of topic `/arm/drive` lies outside 0 to 2147483648 s' in line
+    assert '`stamp_unit`' in line
 
 
 @pytest.mark.parametrize('stamp', ['header', 'layout', "'nothing[0]'"])

@@ -143,6 +143,16 @@ def test_what_came_before_every_topic_was_heard_is_no_loss() -> None:
     assert join.counts.dropped == join.counts.incomplete == 1
 
 
+def test_samples_that_were_complete_outlive_a_fall_back() -> None:
+    """They do not depend on when one looked."""
+    join = StampJoin(2)
+    for stamp in (10 * SECOND, 11 * SECOND, 3):
+        join.push(0, stamp, ())
+        join.push(1, stamp, ())
+    assert [stamp for stamp, _ in join.pop()] == [10 * SECOND, 11 * SECOND, 3]
+    assert (join.counts.joined, join.counts.incomplete, join.counts.restarts) == (3, 0, 1)
+
+
 def test_a_tolerance_joins_stamps_that_differ_a_little() -> None:
     join = StampJoin(2, tolerance=10)
     for stamp in (0, 100, 200):

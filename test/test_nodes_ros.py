@@ -408,15 +408,19 @@ def test_a_best_effort_publisher_is_heard(context: Context, other: Node) -> None
 
 @pytest.mark.parametrize(
     ('kind', 'topic', 'heard'),
-    [(PidNode, 'motor/reference', '_reference'), (MotorNode, 'motor/voltage_command', '_command')],
+    [
+        (PidNode, 'motor/reference', lambda node: node._given.value),
+        (MotorNode, 'motor/voltage_command', lambda node: node._command),
+    ],
+    ids=['reference', 'command'],
 )
 def test_a_best_effort_reference_or_command_is_heard(
-    context: Context, other: Node, kind: type[LoopNode], topic: str, heard: str
+    context: Context, other: Node, kind: type[LoopNode], topic: str, heard: Callable[..., float]
 ) -> None:
     node = kind(context)
     qos = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
     sender = vector_publisher(other, topic, '', qos)
-    run(lambda: (sender.publish(0, 5.0, 0.0, 0.0), getattr(node, heard) == 5.0)[1], node)
+    run(lambda: (sender.publish(0, 5.0, 0.0, 0.0), heard(node) == 5.0)[1], node)
     node.destroy_node()
 
 

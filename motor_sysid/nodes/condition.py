@@ -10,7 +10,7 @@ from motor_sysid.nodes.statuses import Status
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.condition.watch import Look
 
-NAME = 'identifier: condition'
+NAME = 'condition'
 SECOND = 1_000_000_000
 
 

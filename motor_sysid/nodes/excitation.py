@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
 import math
-from pathlib import Path
 import time
 
 from rclpy.context import Context
@@ -21,7 +20,7 @@ from motor_sysid.nodes.grid import SampleGrid
 from motor_sysid.nodes.intake import RawTopic
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
-from motor_sysid.nodes.parameters import parameter, Settings
+from motor_sysid.nodes.parameters import as_path, parameter, Settings
 from motor_sysid.nodes.publishing import DiagnosticsPublisher, SECOND, vector_publisher
 from motor_sysid.nodes.statuses import Status
 from motor_sysid.recording.field_reader import FieldReader
@@ -82,8 +81,8 @@ class ExcitationSettings:
         limits: dict[str, float] = {}
         if self.profile in PROFILES:
             profile = Profile(self.profile, self.level, self.duration)
-        elif Path(self.profile).is_file():
-            profile, limits = load_profile(Path(self.profile))
+        elif (path := as_path(self.profile)).is_file():
+            profile, limits = load_profile(path)
         else:
             raise UserError(
                 f'no profile `{self.profile}`: neither a file nor one of {", ".join(PROFILES)}'
@@ -251,7 +250,7 @@ class ExcitationNode(LoopNode):
         text, warn = self.reason or self.state.value, self.state is State.STOPPED
         if self.state is State.RUNNING and not self.count_subscribers(self._topic):
             text, warn = f'nobody listens to {self._topic}', True
-        status = Status('excitation', values, text, warn=warn)
+        status = Status(self.full_name, values, text, warn=warn)
         self._diagnostics.publish(self._grid.now(), [status])
 
     def _on_start(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:

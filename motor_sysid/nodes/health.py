@@ -16,6 +16,8 @@ from motor_sysid.nodes.times import Times
 SHARES = {'p50': 0.5, 'p90': 0.9, 'p99': 0.99, 'p99_9': 0.999, 'max': 1.0}
 ERRORS = 500
 """Residuals over which the model error is averaged."""
+PAUSE = 10
+"""One gap of more samples than this was a pause, not a loss."""
 
 
 @dataclass
@@ -25,6 +27,31 @@ class Batch:
     messages: int = 0
     waiting: bool = False
     taken: float = 0.0
+
+
+@dataclass(frozen=True)
+class Totals:
+    """Where the counts stand: what has risen since the last report says how it goes now.
+
+    Attributes
+    ----------
+    time, cpu:
+        s of the steady clock, and of processor time.
+    received:
+        Messages of each topic.
+    joined, lost:
+        Samples that were complete; messages and samples lost or dropped.
+    gaps, missing:
+        Of the stamps, and the samples missing there.
+    """
+
+    time: float
+    cpu: float
+    received: tuple[int, ...]
+    joined: int
+    lost: int
+    gaps: int
+    missing: int
 
 
 class Health:
@@ -61,28 +88,32 @@ class Health:
             if math.isfinite(value):
                 self._residuals.setdefault(name, deque(maxlen=ERRORS)).append(value)
 
-    def _totals(self) -> tuple[float, float, int]:
-        received = sum(topic.received for topic in self._topics)
-        return time.monotonic(), time.process_time(), received
+    def _totals(self) -> Totals:
+        pipeline, counts = self._pipeline, self._pipeline.join.counts
+        lost = sum(topic.lost for topic in self._topics) + counts.dropped
+        return Totals(
+            time.monotonic(),
+            time.process_time(),
+            tuple(topic.received for topic in self._topics),
+            counts.joined,
+            lost + pipeline.not_finite + pipeline.overrun,
+            pipeline.stream.gaps,
+            pipeline.stream.missing,
+        )
 
     def statuses(self, noise: Mapping[str, float]) -> list[Status]:
-        """Return the statuses; rates and CPU share are those since the last call."""
+        """Return the statuses; levels, rates and CPU share are those since the last call."""
         before, self._before = self._before, self._totals()
-        passed = max(self._before[0] - before[0], 1e-9)
-        cpu = (self._before[1] - before[1]) / passed
-        rate = (self._before[2] - before[2]) / passed
-        return [self._traffic(cpu, rate), self._model(noise)]
+        return [self._traffic(before, self._before), self._model(noise)]
 
-    def _traffic(self, cpu: float, rate: float) -> Status:
+    def _traffic(self, before: Totals, now: Totals) -> Status:
         counts, stream = self._pipeline.join.counts, self._pipeline.stream
-        lost = {f'lost {topic.resolved}': topic.lost for topic in self._topics}
-        bad = sum(lost.values()) + counts.dropped
-        bad += self._pipeline.not_finite + self._pipeline.overrun
+        passed = max(now.time - before.time, 1e-9)
         values: dict[str, object] = {
-            'messages_per_s': rate,
+            'messages_per_s': (sum(now.received) - sum(before.received)) / passed,
             'samples': stream.samples,
             'sample_time_s': stream.sample_time,
-            **lost,
+            **{f'lost {topic.resolved}': topic.lost for topic in self._topics},
             'early': counts.early,
             'incomplete': counts.incomplete,
             'out_of_order': counts.out_of_order,
@@ -93,15 +124,29 @@ class Health:
             'backlog': self._pipeline.collect(),
             'gaps': stream.gaps,
             'missing': stream.missing,
-            'cpu_share': cpu,
+            'cpu_share': (now.cpu - before.cpu) / passed,
             'refits': self.refits,
             **self._percentiles(),
         }
-        if rate == 0:
-            return Status('identifier: intake', values, 'no messages', warn=True)
-        if bad or stream.missing:
-            return Status('identifier: intake', values, 'samples were lost', warn=True)
-        return Status('identifier: intake', values)
+        if trouble := self._trouble(before, now):
+            return Status('intake', values, trouble, warn=True)
+        missing = now.missing - before.missing
+        pause = f'paused for {missing * stream.sample_time:.2g} s' if missing else 'ok'
+        return Status('intake', values, pause)
+
+    def _trouble(self, before: Totals, now: Totals) -> str:
+        """Say what has gone wrong since the last report, or nothing."""
+        both = zip(self._topics, before.received, now.received, strict=True)
+        silent = [topic.resolved for topic, then, since in both if then == since]
+        if silent:
+            return f'nothing heard of {", ".join(silent)}'
+        if now.joined == before.joined:
+            return 'no sample is complete: the stamps of the topics differ (`stamp_tolerance`?)'
+        missing, gaps = now.missing - before.missing, now.gaps - before.gaps
+        paused = gaps == 1 and missing > PAUSE
+        if now.lost > before.lost or (missing and not paused):
+            return 'samples were lost'
+        return ''
 
     def _percentiles(self) -> dict[str, float]:
         """Say how long it took to take messages in, and the whole batch with the estimator.
@@ -127,5 +172,5 @@ class Health:
                 worst = max(worst, error / noise[name])
         if worst > 2:
             text = f'the model errs {worst:.1f} times the noise: something is missing'
-            return Status('identifier: model', values, text, warn=True)
-        return Status('identifier: model', values)
+            return Status('model', values, text, warn=True)
+        return Status('model', values)

@@ -42,6 +42,7 @@ from motor_sysid.nodes.statuses import (
     estimate_statuses,
     fit_statuses,
     Status,
+    under,
 )
 from motor_sysid.nodes.topics import with_types
 
@@ -97,7 +98,7 @@ class IdentifierNode(LoopNode):
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()
         self._work = LongWork(self.get_logger())
-        self._next_look = 0.0
+        self._next_look, self._doubt = 0.0, ''
         self._advertise()
         self._publish_model(now_ns(self.get_clock()))
         if s.refit_period or s.diagnose_period:
@@ -225,6 +226,9 @@ class IdentifierNode(LoopNode):
         if self._pipeline is None:
             self._connect()
             return
+        if self._pipeline.doubt != self._doubt:
+            self._doubt = self._pipeline.doubt
+            self.get_logger().warning(self._doubt)
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
@@ -232,7 +236,7 @@ class IdentifierNode(LoopNode):
         statuses = self._health.statuses(fitted.noise if fitted else {})
         statuses.append(diagnosis_summary(self._work.diagnosis, self._work.diagnosing))
         statuses += self._condition.statuses()
-        self._diagnostics.publish(now_ns(self.get_clock()), statuses)
+        self._diagnostics.publish(now_ns(self.get_clock()), under(self.full_name, statuses))
 
     def _publish_model(self, stamp: int) -> None:
         statuses = [Status('configuration', self._configuration.to_texts())]

@@ -8,7 +8,7 @@ from motor_sysid.estimation.online import ESTIMATORS
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.hidden import parse_assignments
-from motor_sysid.nodes.parameters import parameter
+from motor_sysid.nodes.parameters import as_path, parameter
 from motor_sysid.nodes.topics import DEFAULT_CONFIG, sources_of
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
@@ -110,7 +110,7 @@ class IdentifierSettings:
         if self.model_file:
             if self.nominal:
                 raise UserError('give `model_file` or `nominal`, not both')
-            return load_model(self.model_file)
+            return load_model(as_path(self.model_file))
         return Model.base(
             self.motor, parse_assignments(self.nominal),
             speed_sensor=SpeedSensor(self.speed_sensor),
@@ -126,4 +126,6 @@ class IdentifierSettings:
 
     def sources(self) -> tuple[Source, ...]:
         """Return which topic carries which signal."""
-        return sources_of(load_msg_config(self.msg_config) if self.msg_config else DEFAULT_CONFIG)
+        if not self.msg_config:
+            return sources_of(DEFAULT_CONFIG)
+        return sources_of(load_msg_config(as_path(self.msg_config)))

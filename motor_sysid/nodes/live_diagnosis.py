@@ -1,11 +1,13 @@
 """A diagnosis of the last samples, as a job for the worker."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 import time
 from typing import TYPE_CHECKING
 
+from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
+from motor_sysid.recording.rows import gap_limit
 from motor_sysid.signals.record import Record
 
 if TYPE_CHECKING:
@@ -45,7 +47,7 @@ class DiagnosisOutcome:
     held_until:
         Stamp (ns) until which the model held, if something changed in the window; else None.
     first_stamp, last_stamp:
-        Of the window, ns.
+        Of what was looked at, ns.
     noise_floor_percent:
         Error that sensor noise alone makes.
     experiment, warnings:
@@ -105,8 +107,8 @@ class DiagnosisJob:
     model:
         The present model, with the present estimates.
     record:
-        The window.
-    first_stamp, last_stamp:
+        The window; it may have gaps, and is cut there as a bag is.
+    first_stamp:
         Of the window, ns.
     offset:
         Time from the identifier's first sample to that of the window, s.
@@ -117,37 +119,50 @@ class DiagnosisJob:
     model: Model
     record: Record
     first_stamp: int
-    last_stamp: int
     offset: float
     alpha: float = 0.01
 
     def work(self) -> DiagnosisOutcome:
-        """Diagnose; see `motor_sysid.diagnosis`."""
+        """Diagnose; see `motor_sysid.diagnosis`.
+
+        Raises
+        ------
+        UserError
+            If no stretch without a gap is long enough.
+        """
         from motor_sysid.diagnosis import diagnose, Settings
         from motor_sysid.diagnosis.calibration.store import load_calibrations
         from motor_sysid.diagnosis.change.until_when import change_in_words, held_until
 
-        begin, model = time.perf_counter(), self.model
+        begin, model, pieces = time.perf_counter(), self.model, _pieces(self.record)
         unread: list[str] = []
         calibrations = tuple(load_calibrations(complain=unread.append))
         settings = Settings(alpha=self.alpha, calibrations=calibrations)
         if model.effects:
-            found = diagnose([self.record], model=model, settings=settings)
+            found = diagnose(pieces, model=model, settings=settings)
         else:
             values = model.parameters.values()
-            found = diagnose(
-                [self.record], motor=model.motor, nominal=values, settings=settings
-            )
+            found = diagnose(pieces, motor=model.motor, nominal=values, settings=settings)
         found = replace(found, warnings=(*found.warnings, *unread))
-        held = held_until(found.model, self.record)
-        words = change_in_words(found.model, held, self.offset)
+        held = held_until(found.model, pieces[-1])
         moment = _moment(found.model, held.time if held else None)
+        start = _start(pieces, moment)
+        words = change_in_words(found.model, held, self.offset + start)
         reasons = (found.reasons[0], words, *found.reasons[1:]) if words else found.reasons
-        outcome = self._outcome(found, reasons, moment)
+        changed = None if moment is None else self._stamp(start + moment)
+        outcome = self._outcome(found, reasons, pieces, changed)
         return replace(outcome, seconds=time.perf_counter() - begin)
 
+    def _stamp(self, time: float) -> int:
+        """Return the stamp (ns) of a time of the window, s."""
+        return self.first_stamp + round(time * SECOND)
+
     def _outcome(
-        self, found: 'Diagnosis', reasons: tuple[str, ...], moment: float | None
+        self,
+        found: 'Diagnosis',
+        reasons: tuple[str, ...],
+        pieces: Sequence[Record],
+        changed: int | None,
     ) -> DiagnosisOutcome:
         return DiagnosisOutcome(
             verdict=found.verdict.value,
@@ -159,9 +174,9 @@ class DiagnosisJob:
                 for s in found.steps
             ),
             candidates=_candidates(found),
-            held_until=None if moment is None else self.first_stamp + round(moment * SECOND),
-            first_stamp=self.first_stamp,
-            last_stamp=self.last_stamp,
+            held_until=changed,
+            first_stamp=self._stamp(pieces[0].time[0]),
+            last_stamp=self._stamp(pieces[-1].time[-1]),
             noise_floor_percent=found.noise_floor_percent,
             experiment=dict(found.experiment or {}),
             warnings=found.warnings,
@@ -169,8 +184,32 @@ class DiagnosisJob:
         )
 
 
+def _pieces(record: Record) -> list[Record]:
+    """Cut a window at its gaps; what is too short for a diagnosis goes."""
+    from motor_sysid.diagnosis.search.bench import MIN_SAMPLES
+
+    pieces = record.segments(gap_limit(record.time))
+    long = [piece for piece in pieces if len(piece) >= MIN_SAMPLES]
+    if not long:
+        longest = max(map(len, pieces), default=1)
+        raise UserError(
+            f'the longest stretch without a gap has {longest} samples; a diagnosis needs at '
+            f'least {MIN_SAMPLES}, better 5000: let the motor run on, or raise `diagnose_window`'
+        )
+    return long
+
+
+def _start(pieces: Sequence[Record], moment: float | None) -> float:
+    """Return where in the window (s) the piece begins that a moment counts from.
+
+    Moments count from the start of every piece; it is the last one that lasts so long.
+    """
+    lasting = [piece for piece in pieces if piece.duration >= (moment or 0.0)]
+    return float((lasting or pieces)[-1].time[0])
+
+
 def _moment(model: Model, held: float | None) -> float | None:
-    """Return the moment of the first change, s of the record."""
+    """Return the moment of the first change, s from the start of a piece."""
     from motor_sysid.physics.effects import effect
 
     names = [f'{key}.{name}' for key in model.effects if (name := effect(key).card.moment)]

@@ -149,12 +149,10 @@ def _job(
     if record is None:
         return None
     if kind == REFIT:
-        return RefitJob(
-            configuration.model, record, settings.refit_method, settings.refit_seed
-        )
+        return RefitJob(configuration.model, record, settings.refit_method, settings.refit_seed)
     stream = pipeline.stream
     last = int(pipeline.window.last()[0][-1])
     first = last - round(record.duration * SECOND)
     offset = max((first - stream.first_stamp) / SECOND, 0.0) if stream.first_stamp >= 0 else 0.0
     model = present(configuration.model, stream.estimate())
-    return DiagnosisJob(model, record, first, last, offset, settings.diagnose_alpha)
+    return DiagnosisJob(model, record, first, offset, settings.diagnose_alpha)

@@ -56,6 +56,11 @@ class LoopNode(Node, ABC):
             automatically_declare_parameters_from_overrides=True,
         )  # fmt: skip
 
+    @property
+    def full_name(self) -> str:
+        """Its name below its namespace, e.g. ``left/pid``: what its diagnostics are called."""
+        return self.get_fully_qualified_name().lstrip('/')
+
     def declare_parameters(
         self, namespace: str, parameters: Sequence[tuple[Any, ...]], ignore_override: bool = False
     ) -> list[Parameter]:

@@ -4,6 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, Field, field, fields, replace
 import difflib
 import math
+import os
+from pathlib import Path
 import textwrap
 from typing import Any, cast, Generic, TypeVar
 
@@ -118,6 +120,11 @@ def _converted(name: str, given: object, default: object) -> Value:
             f'{type(default).__name__}'
         )
     return cast(Value, given)
+
+
+def as_path(text: str) -> Path:
+    """Return the path that a parameter names; no shell has put the home in the place of its ~."""
+    return Path(os.path.expanduser(text))
 
 
 def _hint(name: str, known: tuple[str, ...] | list[str]) -> str:

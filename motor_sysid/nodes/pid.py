@@ -17,15 +17,16 @@ from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
 from motor_sysid.nodes.parameters import parameter, Settings
 from motor_sysid.nodes.publishing import now_ns, SECOND, vector_publisher
+from motor_sysid.nodes.reference import GivenReference
 from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.signals.join import RESTART
 
 STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
 GAP = 0.5
-"""After a gap of this many seconds in the stamps the controller starts anew; where they fall back
-by `RESTART`, its profile does, too."""
+"""After a gap of this many seconds in the stamps the controller starts anew, and after as long a
+silence the motor is sent 0; where stamps fall back by `RESTART`, its profile starts anew, too."""
 FAREWELLS = 5
-"""How often 0 V is sent at the end: a best-effort reader may miss some."""
+"""How often 0 is sent to stop the motor: a best-effort reader may miss some."""
 FAREWELL_STEP = SECOND // 200
 """Time between them, ns."""
 OFF = 'topic'
@@ -54,12 +55,16 @@ class PidSettings:
         OFF, 'Where the reference comes from: the topic, or this built-in profile.', '',
         choices=(OFF, *PROFILES), live=True,
     )  # fmt: skip
+    reference_timeout: float = parameter(
+        1.0, 'Time after which the reference is 0 once nobody publishes its topic any more; 0 for '
+        'never.', 's', 0, 1e5, live=True,
+    )  # fmt: skip
     top_speed: float = parameter(
         200.0, 'Largest speed of the profile.', 'rad/s', 0, 1e5, live=True
     )
     profile_duration: float = parameter(20.0, 'Duration of the profile.', 's', 0.1, 1e5, live=True)
     autostart: bool = parameter(
-        True, 'Start the profile with the first sample, not with the service ~/start.'
+        True, 'Start a profile with the first sample, not with the service ~/start.'
     )
 
     def gains(self) -> PidGains:
@@ -69,7 +74,9 @@ class PidSettings:
         return PidGains(self.kp, self.ki, self.kd, self.derivative_filter, -limit, limit)
 
     def route(self) -> tuple[str, float, float]:
-        """Return what the profile is made from; when it changes, the profile starts anew."""
+        """Return what the reference comes from; when it changes, it starts anew."""
+        if self.profile == OFF:
+            return OFF, 0.0, 0.0
         return self.profile, self.top_speed, self.profile_duration
 
     def make_profile(self) -> Profile | None:
@@ -99,10 +106,10 @@ class PidNode(LoopNode):
         self._enabled = self._profile is None or self.settings.value.autostart
         self._start: int | None = None
         self._last: int | None = None
-        self._reference = 0.0
+        self._answered: int | None = None
+        self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._speed = RawTopic(self, 'motor/speed', 'sensor_msgs/msg/JointState')
         self._read_speed = FieldReader('sensor_msgs/msg/JointState', (*STAMP, 'velocity[0]')).read
-        self._read_reference = FieldReader('geometry_msgs/msg/Vector3Stamped', ('vector.x',)).read
         command = self.settings.value.command
         self._command = vector_publisher(
             self, f'motor/{command}_command', 'dc' if command == 'voltage' else 'q'
@@ -118,7 +125,7 @@ class PidNode(LoopNode):
         """Publish the profile, or listen to the topic; never both."""
         self._given = self._own = None
         if self._profile is None:
-            self._given = RawTopic(self, 'motor/reference', 'geometry_msgs/msg/Vector3Stamped')
+            self._given = GivenReference(self)
         else:
             self._own = vector_publisher(self, 'motor/reference', 'speed')
 
@@ -131,20 +138,40 @@ class PidNode(LoopNode):
             if self._given is not None:
                 self._given.adapt()
         if self._given is not None:
-            for message in self._given.drain()[-1:]:
-                value = float(self._read_reference(message.data)[0])
-                self._reference = value if math.isfinite(value) else 0.0
+            self._given.look(self.settings.value.reference_timeout)
         for message in self._speed.drain():
             seconds, nanoseconds, speed = self._read_speed(message.data)
             self._answer(int(seconds) * SECOND + int(nanoseconds), float(speed))
+        self._watch()
 
     def close(self) -> None:
         """Leave the motor at 0 V or 0 A, and give the message time to arrive."""
+        self._send_zero(FAREWELL_STEP)
+        self._command.publisher.wait_for_all_acked(Duration(seconds=0.5))
+
+    def _send_zero(self, step: int) -> None:
+        """Send 0 V or 0 A now, with stamps that go on by `step` ns from the last sample's."""
         stamp = now_ns(self.get_clock()) if self._last is None else self._last
         for k in range(FAREWELLS):
-            self._command.publish(stamp + (k + 1) * FAREWELL_STEP, 0.0, 0.0, 0.0)
+            self._command.publish(stamp + (k + 1) * step, 0.0, 0.0, 0.0)
             time.sleep(FAREWELL_STEP / SECOND)
-        self._command.publisher.wait_for_all_acked(Duration(seconds=0.5))
+
+    def _watch(self) -> None:
+        """Stop a motor that is not seen any more: it would go on with the last command."""
+        if self._answered is None or not self._enabled:
+            return
+        self._answered = min(self._answered, self._now())
+        if self._now() - self._answered > GAP * SECOND:
+            self._answered = None
+            self._send_zero(FAREWELL_STEP)
+            self.get_logger().warning(
+                f'no sample of {self._speed.resolved} for {GAP:g} s that could be answered: 0 was '
+                'sent; look at the sensor and its stamps'
+            )
+
+    def _now(self) -> int:
+        """Return the time in ns by which silence is judged: a simulation may pause."""
+        return now_ns(self.get_clock()) if self._simulated else time.monotonic_ns()
 
     def _answer(self, stamp: int, speed: float) -> None:
         last, self._last = self._last, stamp
@@ -160,18 +187,21 @@ class PidNode(LoopNode):
             self._pid.reset()
             return
         reference = self._reference_at(stamp)
-        output = self._pid.step(reference, speed, dt)
-        self._command.publish(stamp, output, 0.0, 0.0)
+        self._send(stamp, self._pid.step(reference, speed, dt))
 
     def _hold(self, stamp: int) -> None:
         """Keep the motor at 0 V or 0 A, and say so, as long as the profile has not begun."""
         if self._own is not None:
             self._own.publish(stamp, 0.0, 0.0, 0.0)
-        self._command.publish(stamp, 0.0, 0.0, 0.0)
+        self._send(stamp, 0.0)
+
+    def _send(self, stamp: int, output: float) -> None:
+        self._command.publish(stamp, output, 0.0, 0.0)
+        self._answered = self._now()
 
     def _reference_at(self, stamp: int) -> float:
         if self._profile is None or self._own is None:
-            return self._reference
+            return self._given.value if self._given else 0.0
         if self._start is None:
             self._start = stamp
         reference = self._profile((stamp - self._start) / SECOND)
@@ -191,6 +221,7 @@ class PidNode(LoopNode):
 
     def _on_stop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         self._enabled = False
+        self._send_zero(0)
         response.success, response.message = True, 'stopped at 0'
         return response
 
@@ -200,6 +231,8 @@ class PidNode(LoopNode):
             return
         self._route = settings.route()
         self._disconnect_reference()
+        if self._profile is None and not settings.autostart:
+            self._enabled = False
         self._profile, self._start = settings.make_profile(), None
         self._connect_reference()
 

@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.stream import EstimateStream, Event
+from motor_sysid.nodes.angles import Angles
 from motor_sysid.nodes.topic_plan import TopicReader
 from motor_sysid.nodes.topics import OPTIONAL, SignalPlan
 from motor_sysid.signals.join import Row, StampJoin
@@ -24,6 +25,9 @@ Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
 
 SECOND = 1_000_000_000
+
+NEVER = 2**63 - 1
+"""Stamp of the last sample as long as there is none: any that comes begins anew."""
 
 LONGEST_BACKLOG = 100_000
 """Samples that may wait for the estimator before the oldest are dropped."""
@@ -86,8 +90,8 @@ class Pipeline:
     signals:
         Every signal of the window, in order.
     not_finite:
-        Samples with a value that is no finite number where one is needed, and messages whose
-        stamp is none.
+        Samples with a value that is no finite number where one is needed, and messages without a
+        stamp that can be one.
     overrun:
         Samples dropped because the estimator is slower than they come.
     """
@@ -112,6 +116,7 @@ class Pipeline:
             np.array([self.signals.index(n) if n in self.signals else -1 for n in outputs]),
         )
         self.window = Window(window, len(self.signals))
+        self._angles, self._last = Angles(plan.read), NEVER
         self._compile()
         self._starts = np.empty(0, dtype=np.int64)
         self._ready: deque[Row] = deque()
@@ -123,6 +128,12 @@ class Pipeline:
         stamps, values = np.zeros(1, dtype=np.int64), np.zeros((1, len(self.signals)))
         self.window.append(stamps, values, _arrange(values, *self._columns)[0])
         self.window.clear()
+        self._angles.unwrap(np.zeros((1, len(self._plan.read))), _fall_back(stamps, NEVER))
+
+    @property
+    def doubt(self) -> str:
+        """What is odd about the stamps of a topic, in words; empty if nothing is."""
+        return next((reader.doubt for reader in self._readers if reader.doubt), '')
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
@@ -167,11 +178,19 @@ class Pipeline:
 
     def _work(self, rows: Sequence[Row]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
-        values = self._plan.columns(np.array([row[1] for row in rows], dtype=np.float64))
+        read = self._plan.to_si(np.array([row[1] for row in rows], dtype=np.float64))
+        self._angles.unwrap(read, self._begins(stamps))
+        values = self._plan.with_computed(read)
         good, inputs, outputs = _arrange(values, *self._columns)
         self.not_finite += len(rows) - int(np.count_nonzero(good))
         self.window.append(stamps, values, good)
         return self._feed(stamps, inputs, outputs)
+
+    def _begins(self, stamps: Stamps) -> NDArray[np.bool_]:
+        """Tell for each of (K,) stamps whether the estimator begins anew with it."""
+        begins: NDArray[np.bool_] = _fall_back(stamps, self._last)
+        self._last = int(stamps[-1])
+        return begins | np.isin(stamps, self._starts) if self._starts.size else begins
 
     def start_at(self, stamps: Collection[int]) -> None:
         """Leave out what is before the first of these stamps (ns), and start anew at each."""
@@ -193,6 +212,7 @@ class Pipeline:
     def reset(self) -> None:
         """Start anew with the next sample."""
         self._ready.clear()
+        self._last = NEVER
         self.stream.reset()
         self.window.clear()
 
@@ -214,6 +234,16 @@ class Pipeline:
             {self.signals[k]: self._plan.sources[k].si_unit() for k in finite},
             Provenance('live topics'),
         )
+
+
+@njit(cache=True)
+def _fall_back(stamps, last):  # type: ignore[no-untyped-def]
+    """Return which stamps (K,) are not after the one before; `last` is before the first."""
+    back = np.empty(stamps.size, dtype=np.bool_)
+    for k in range(stamps.size):
+        back[k] = stamps[k] <= last
+        last = stamps[k]
+    return back
 
 
 @njit(cache=True)

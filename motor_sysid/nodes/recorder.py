@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from pathlib import Path
 import time
 
 from rclpy.context import Context
@@ -16,7 +15,7 @@ from motor_sysid.nodes.intake import adapted_qos, RawTopic
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.loop import main as run
 from motor_sysid.nodes.message_types import own_definition
-from motor_sysid.nodes.parameters import parameter, Settings
+from motor_sysid.nodes.parameters import as_path, parameter, Settings
 from motor_sysid.nodes.publishing import DEPTH, DiagnosticsPublisher, now_ns
 from motor_sysid.nodes.statuses import Status
 from motor_sysid.recording.writer import BagWriter, STORAGES
@@ -66,7 +65,7 @@ class RecorderNode(LoopNode):
         self._diagnostics = DiagnosticsPublisher(self, '/diagnostics', QoSProfile(depth=10))
         self._simulated = bool(self.get_parameter('use_sim_time').value)
         name = s.path or f'bag_{datetime.now().astimezone():%Y%m%d_%H%M%S}'
-        self._path = Path(name).resolve()
+        self._path = as_path(name).resolve()
         self._bag = BagThread(lambda: BagWriter(self._path, s.storage))
         self.get_logger().info(f'recording to {self._path}')
 
@@ -120,21 +119,26 @@ class RecorderNode(LoopNode):
         publishers = self.get_publishers_info_by_topic(name)
         if not publishers:
             return
-        offered, topic = [info.qos_profile for info in publishers], None
+        offered = [info.qos_profile for info in publishers]
+        qos = adapted_qos(offered, QoSProfile(depth=DEPTH))
         try:
-            topic = RawTopic(
-                self, name, message_type, adapted_qos(offered, QoSProfile(depth=DEPTH))
-            )
-            definition, digest = own_definition(message_type), publishers[0].topic_type_hash
-            self._bag.add_topic(name, message_type, offered, definition, str(digest))
+            definition = own_definition(message_type)
+            topic = RawTopic(self, name, message_type, qos)
         except UserError as error:
-            if topic is not None:
-                topic.destroy()
-            self._refused.add(name)
-            self.get_logger().warning(f'{name} is not recorded: {error}')
+            self._refuse(name, str(error))
+            return
+        digest = str(publishers[0].topic_type_hash)
+        reason = self._bag.add_topic(name, message_type, offered, definition, digest)
+        if reason:
+            topic.destroy()
+            self._refuse(name, reason)
             return
         self._topics[name] = topic
         self.get_logger().info(f'{name} [{message_type}]')
+
+    def _refuse(self, name: str, reason: str) -> None:
+        self._refused.add(name)
+        self.get_logger().warning(f'{name} is not recorded: {reason}')
 
     def _report(self) -> None:
         for topic in self._topics.values():
@@ -147,7 +151,7 @@ class RecorderNode(LoopNode):
         }
         lost = 'messages were lost' if values['lost'] else ''
         trouble = TIMELESS if self._timeless else lost
-        status = Status('recorder', values, trouble or 'ok', warn=bool(trouble))
+        status = Status(self.full_name, values, trouble or 'ok', warn=bool(trouble))
         self._diagnostics.publish(now_ns(self.get_clock()), [status])
 
     def _lost(self) -> int:

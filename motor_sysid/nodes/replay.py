@@ -143,7 +143,7 @@ def replay(
         time.perf_counter() - begin,
         pipeline.join.counts.dropped,
         _compare(events, recorded) if recorded else None,
-        tuple(finding.message for finding in bag.findings),
+        (*(finding.message for finding in bag.findings), *filter(None, [pipeline.doubt])),
     )
 
 

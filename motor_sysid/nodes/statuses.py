@@ -1,7 +1,7 @@
 """What is published as diagnostics, as plain values: estimates, fits, health."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 import math
 
 from motor_sysid.estimation.stream import Event
@@ -18,6 +18,11 @@ class Status:
     values: Mapping[str, object]
     message: str = 'ok'
     warn: bool = False
+
+
+def under(node: str, statuses: Iterable[Status]) -> list[Status]:
+    """Return statuses under the name of their node: in /diagnostics all nodes' come together."""
+    return [replace(status, name=f'{node}: {status.name}') for status in statuses]
 
 
 def text_of(value: object) -> str:
@@ -91,7 +96,7 @@ def diagnosis_statuses(outcome: DiagnosisOutcome) -> list[Status]:
 
 def diagnosis_summary(outcome: DiagnosisOutcome | None, running: bool) -> Status:
     """Return the line of /diagnostics about the last diagnosis."""
-    name = 'identifier: diagnosis'
+    name = 'diagnosis'
     if outcome is None:
         return Status(name, {'running': running}, 'none yet')
     values = {

@@ -13,6 +13,8 @@ from motor_sysid.recording.sources import Source
 from motor_sysid.signals.units import parse_unit
 
 SECOND = 1_000_000_000
+LAST = 2**31 * SECOND
+"""Stamps lie below, as the messages of ROS can carry them: before 2038."""
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,11 @@ class TopicReader:
     types:
         Definitions that know the type; default: those of ROS 2 Jazzy.
 
+    Attributes
+    ----------
+    doubt:
+        What is odd about a stamp that was left out, in words; empty if none was.
+
     Raises
     ------
     UserError
@@ -57,6 +64,7 @@ class TopicReader:
     """
 
     def __init__(self, plan: TopicPlan, types: Types | None = None) -> None:
+        self._plan, self.doubt = plan, ''
         types = types or definitions([Topic(plan.topic, plan.message_type)])
         paths = _stamp_paths(plan, types)
         self._parts = len(paths)
@@ -65,7 +73,7 @@ class TopicReader:
         self._read = FieldReader(plan.message_type, (*paths, *fields), types).read
 
     def read(self, data: bytes, received: int) -> tuple[int | None, tuple[Number, ...]]:
-        """Return the stamp (ns), None if the message has none, and the signals as they were sent.
+        """Return the stamp (ns), None if there is none, and the signals as they were sent.
 
         Parameters
         ----------
@@ -76,11 +84,24 @@ class TopicReader:
         """
         values = self._read(data)
         if self._parts == 2:
-            return int(values[0]) * SECOND + int(values[1]), values[2:]
-        if not self._parts:
+            stamp: Number = int(values[0]) * SECOND + int(values[1])
+        elif self._parts:
+            stamp = values[0] * self._unit
+        else:
             return received, values
-        stamp = round(values[0] * self._unit) if math.isfinite(values[0]) else None
-        return stamp, values[1:]
+        if 0 <= stamp < LAST:
+            return round(stamp), values[self._parts :]
+        if not math.isnan(stamp):
+            self.doubt = self.doubt or self._odd(values[0])
+        return None, values[self._parts :]
+
+    def _odd(self, value: Number) -> str:
+        unit = self._plan.stamp_unit if self._parts == 1 else 's'
+        return (
+            f'stamp {value:g} {unit} of topic `{self._plan.topic}` lies outside 0 to '
+            f'{LAST // SECOND} s; such messages are left out. Look at `stamp` and `stamp_unit` in '
+            'the msg_config file'
+        )
 
 
 def _stamp_paths(plan: TopicPlan, types: Types) -> tuple[str, ...]:

@@ -62,25 +62,33 @@ class SignalPlan:
 
     @cached_property
     def _plain(self) -> bool:
-        """Whether all values come in SI as they are."""
-        return not self.computed and all(_is_plain(source) for source in self.sources)
+        """Whether all values that are read come in SI as they are."""
+        return all(_is_plain(source) for source in self.read)
 
     @cached_property
     def signals(self) -> tuple[str, ...]:
         """Signal of every column."""
         return tuple(source.signal for source in self.sources)
 
-    def columns(self, raw: Array) -> Array:
-        """Return (K, columns) values in SI from (K, read) values as they were sent."""
+    @cached_property
+    def read(self) -> tuple[Source, ...]:
+        """Source of every column that is read, not computed."""
+        return self.sources[: len(self.sources) - len(self.computed)]
+
+    def to_si(self, raw: Array) -> Array:
+        """Return (K, read) values in SI from those that were sent."""
         if self._plain:
             return raw
-        columns: dict[str, Array] = {}
-        for k, source in enumerate(self.sources):
-            if k < raw.shape[1]:
-                values = source.to_si(raw[:, k])
-            else:
-                values = source.to_si(_computed(source, columns, raw.shape[0]))
-            columns[source.signal] = values
+        return np.column_stack([s.to_si(raw[:, k]) for k, s in enumerate(self.read)])
+
+    def with_computed(self, read: Array) -> Array:
+        """Return (K, columns) values: those that were read, in SI, and what they make."""
+        if not self.computed:
+            return read
+        columns = {source.signal: read[:, k] for k, source in enumerate(self.read)}
+        for source in self.computed:
+            values = _computed(source, columns, read.shape[0])
+            columns[source.signal] = source.to_si(values)
         return np.column_stack(list(columns.values()))
 
 

@@ -1,6 +1,7 @@
 """Write rosbag2 recordings that stay readable when the writer is killed."""
 
 from collections.abc import Mapping, Sequence
+import os
 from pathlib import Path
 import sqlite3
 import time
@@ -50,9 +51,10 @@ class OfferedQos(Protocol):
 class BagWriter:
     """Writes raw CDR messages into a new bag folder.
 
-    What is written is committed about once a second, so a killed process loses no more than that:
-    sqlite3 stays a valid database, mcap can be read up to its last chunk.  Metadata is written by
-    `close`, which may be called twice; leaving the context closes also after an exception.
+    What is written is brought to the disk about once a second, so that a kill or a power cut costs
+    no more than that: sqlite3 stays a valid database, mcap can be read up to its last chunk.
+    Metadata is written by `close`, which may be called twice; leaving the context closes also
+    after an exception.
 
     Parameters
     ----------
@@ -125,9 +127,16 @@ class BagWriter:
             What its publishers offer.
         definition, digest:
             Message definition and RIHS01 hash of a type that ROS 2 Jazzy does not ship.
+
+        Raises
+        ------
+        UserError
+            If the type is not known, or the bag cannot be written.
         """
         if name in self._connections:
             return
+        if definition is None and (reason := self.refusal(name, msgtype)):
+            raise UserError(reason)
         try:
             self._connections[name] = self._writer.add_connection(
                 name,
@@ -137,14 +146,22 @@ class BagWriter:
                 rihs01=digest,
                 offered_qos_profiles=[_qos(profile) for profile in qos],
             )
-        except (KeyError, TypesysError):
-            raise UserError(
-                f'message type `{msgtype}` of `{name}` is not part of ROS 2 Jazzy; '
-                'give its definition to record it'
-            ) from None
+        except (OSError, sqlite3.Error) as error:
+            raise UserError(f'bag {self.path} cannot be written: {error}') from None
         self.counts[name] = 0
         self._dirty = True
         self.flush()
+
+    def refusal(self, name: str, msgtype: str) -> str:
+        """Return why a topic needs a definition of its type; empty if ROS 2 Jazzy has it."""
+        try:
+            self._types().generate_msgdef(msgtype, ros_version=2)
+        except (KeyError, TypesysError):
+            return (
+                f'message type `{msgtype}` of `{name}` is not part of ROS 2 Jazzy; '
+                'give its definition to record it'
+            )
+        return ''
 
     def write(self, topic: str, received: int, data: bytes) -> None:
         """Write one message.
@@ -170,7 +187,7 @@ class BagWriter:
             self.flush()
 
     def flush(self) -> None:
-        """Make everything written so far survive a kill; called about once a second by `write`."""
+        """Have everything written so far survive a power cut; `write` does so once a second."""
         if not (self._open and self._dirty):
             return
         storage = self._writer.storage
@@ -182,6 +199,7 @@ class BagWriter:
                 if storage.chunk.msgs:
                     storage.close_chunk()
                 storage.bio.flush()
+                os.fsync(storage.bio.fileno())
         except (OSError, sqlite3.Error) as error:
             raise UserError(f'bag {self.path} cannot be written: {error}') from None
         self._dirty = False

@@ -71,6 +71,7 @@ class StampJoin:
         self.counts = JoinCounts()
         self._waiting: tuple[deque[Row], ...] = tuple(deque() for _ in range(topics))
         self._last = [-(2**63)] * topics
+        self._done: list[Row] = []
         self._begin: int | None = None
         self._limit, self._tolerance = limit, tolerance
 
@@ -93,6 +94,10 @@ class StampJoin:
 
     def pop(self) -> list[Row]:
         """Return the samples that are complete, in order."""
+        rows, self._done = [*self._done, *self._complete()], []
+        return rows
+
+    def _complete(self) -> list[Row]:
         rows: list[Row] = []
         waiting = self._waiting
         while all(waiting):
@@ -118,6 +123,7 @@ class StampJoin:
 
     def _restart(self) -> None:
         self.counts.restarts += 1
+        self._done += self._complete()
         self._begin = None
         for k, queue in enumerate(self._waiting):
             self.counts.incomplete += len(queue)
