@@ -107,8 +107,9 @@ def test_what_begins_anew_forgets_the_turns() -> None:
     assert position(target)[0] == pytest.approx(angle(100) % TURN)
 
 
-def unwrap(shown: Sequence[float]) -> list[float]:
-    angles, values = Angles([Source('position', unit='rad')]), np.array(shown)[:, np.newaxis]
+def unwrap(shown: Sequence[float], **given: float) -> list[float]:
+    source = Source('position', unit='rad', **given)  # type: ignore[arg-type]
+    angles, values = Angles([source]), np.array(shown)[:, np.newaxis]
     angles.unwrap(values, np.arange(len(shown)) == 0)
     return values[:, 0].tolist()
 
@@ -125,6 +126,17 @@ def test_a_motor_that_wrapped_once_may_turn_fast() -> None:
     """At 0.35 turns in a sample the angle jumps back by 0.65: less than the first time."""
     true = np.cumsum([0.1 * TURN] * 12 + [0.35 * TURN] * 20)
     assert unwrap(list(true % TURN)) == pytest.approx(true)
+
+
+@pytest.mark.parametrize('gear', [1.0, 10.0])
+def test_a_range_that_is_given_is_the_sensors(gear: float) -> None:
+    """As of a servo that counts from -12.5 to 12.5 rad, outliers of the range or not."""
+    true = np.cumsum([4.0, 7.0, 11.0, -3.0, 9.0, 12.0])
+    shown = (true + 12.5) % 25 - 12.5
+    given = {'wrap': 25.0, 'gear_ratio': gear}
+    assert unwrap(list(shown / gear), **given) == pytest.approx(true / gear)
+    whole_turns = list(np.cumsum([1.0] * 12) % TURN)
+    assert unwrap(whole_turns, wrap=0.0) == whole_turns
 
 
 def test_a_replay_unwraps_as_it_was_done_live(tmp_path: Path) -> None:

@@ -159,6 +159,12 @@ class Source:
             'makes it sure', {'period_rad': found.period, 'jumps': found.places.size},
         )  # fmt: skip
 
+    def given_range(self) -> float | None:
+        """Return the range that was given, as `to_si` has its values; None if none was."""
+        if self.wrap is None:
+            return None
+        return abs(float(self._through_gear(np.array(self.wrap * self._unit()))))
+
     def _unit(self) -> float:
         """Return the size of the unit in SI."""
         factor = self._parsed_unit().factor
