@@ -1,6 +1,7 @@
 """The controller lets go: asked to stop, without feedback, and without anyone to follow."""
 
 from collections.abc import Callable
+import math
 
 import pytest
 
@@ -13,7 +14,7 @@ from std_srvs.srv import Trigger
 from test_nodes_time import Heard, SimulatedClock
 
 from motor_sysid.nodes.loop import LoopNode
-from motor_sysid.nodes.pid import FAREWELLS, PidNode
+from motor_sysid.nodes.pid import FAREWELLS, MANY, PidNode
 from motor_sysid.nodes.publishing import joint_publisher, SECOND, vector_publisher
 
 STEP = SECOND // 100
@@ -161,3 +162,22 @@ def test_a_profile_that_is_chosen_later_waits_for_its_start_as_well(
     assert any(moved) is autostart
     running.pid._on_start(Trigger.Request(), Trigger.Response())
     assert any(running.answer() for _ in range(40))
+
+
+def test_late_and_missing_samples_leave_the_time_between_samples_alone(
+    make_node: Callable[..., LoopNode], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pid = make_node(PidNode)
+    steps: list[float] = []
+    monkeypatch.setattr(pid._pid, 'step', lambda reference, speed, dt: steps.append(dt) or 0.0)
+    start = 100 * SECOND
+    for k in range(10):
+        pid._answer(start + k * STEP, 1.0)
+    pid._answer(start, 1.0)  # 0.1 s late
+    pid._answer(start + 10 * STEP, math.nan)
+    pid._answer(start + 11 * STEP, 1.0)
+    assert steps == pytest.approx([0.01] * 9 + [0.02])
+    back = start - SECOND // 2  # the clock is set back
+    for k in range(MANY + 5):
+        pid._answer(back + k * STEP, 1.0)
+    assert steps[10:] == pytest.approx([0.01] * 5)

@@ -25,6 +25,8 @@ STAMP = ('header.stamp.sec', 'header.stamp.nanosec')
 GAP = 0.5
 """After a gap of this many seconds in the stamps the controller starts anew, and after as long a
 silence the motor is sent 0; where stamps fall back by `RESTART`, its profile starts anew, too."""
+MANY = 20
+"""So many late samples in a row, and it is the clock that was set back."""
 FAREWELLS = 5
 """How often 0 is sent to stop the motor: a best-effort reader may miss some."""
 FAREWELL_STEP = SECOND // 200
@@ -106,6 +108,7 @@ class PidNode(LoopNode):
         self._enabled = self._profile is None or self.settings.value.autostart
         self._start: int | None = None
         self._last: int | None = None
+        self._late = 0
         self._answered: int | None = None
         self._simulated = bool(self.get_parameter('use_sim_time').value)
         self._speed = RawTopic(self, 'motor/speed', 'sensor_msgs/msg/JointState')
@@ -174,10 +177,11 @@ class PidNode(LoopNode):
         return now_ns(self.get_clock()) if self._simulated else time.monotonic_ns()
 
     def _answer(self, stamp: int, speed: float) -> None:
-        last, self._last = self._last, stamp
-        if last is not None and stamp < last - RESTART:
-            self._begin()
-        if last is None or stamp <= last or not math.isfinite(speed):
+        last = self._last
+        if not math.isfinite(speed) or self._is_late(stamp):
+            return
+        self._last = stamp
+        if last is None or stamp <= last:
             return
         if not self._enabled:
             self._hold(stamp)
@@ -188,6 +192,21 @@ class PidNode(LoopNode):
             return
         reference = self._reference_at(stamp)
         self._send(stamp, self._pid.step(reference, speed, dt))
+
+    def _is_late(self, stamp: int) -> bool:
+        """Whether a sample came too late to be answered; the clock may have been set back, too."""
+        if self._last is None or stamp > self._last:
+            self._late = 0
+            return False
+        self._late += 1
+        if stamp < self._last - RESTART:
+            self._begin()
+        elif self._late < MANY:
+            return True
+        else:
+            self._pid.reset()
+        self._late = 0
+        return False
 
     def _hold(self, stamp: int) -> None:
         """Keep the motor at 0 V or 0 A, and say so, as long as the profile has not begun."""
