@@ -285,5 +285,8 @@ def test_the_watch_counts_travel_from_the_first_sample_and_forgives_what_is_miss
     assert watch.flowed(5.4, 1e9) == '', 'no limit of current'
     assert watch.silent(6.3) == ''
     assert 'measured speed' in watch.silent(6.5)
+    turning = Watch(Bounds(travel=20.0), now=0.0)
+    told = [turning.moved(0.1, 1.0, 0.5 * k % (2 * math.pi)) for k in range(60)]
+    assert [bool(text) for text in told] == [k > 40 for k in range(60)], 'within one turn or not'
     assert watch.moved(6.6, 1.0, math.nan) == ''
     assert 'measured travel' in watch.silent(6.6), 'a speed without position does not do'

@@ -3,6 +3,11 @@
 from dataclasses import dataclass
 import math
 
+import numpy as np
+
+from motor_sysid.nodes.angles import Angles
+from motor_sysid.recording.sources import Source
+
 SILENCE = 'nothing was heard of'
 
 
@@ -38,13 +43,22 @@ class Watch:
 
     def __init__(self, bounds: Bounds, now: float) -> None:
         self._bounds = bounds
+        self._angles = Angles([Source('position', unit='rad')])
+        self._continuous(math.nan, begins=True)
         self._origin: float | None = None
         self._heard = {'speed': now, 'current': now, 'travel': now}
+
+    def _continuous(self, position: float, *, begins: bool = False) -> float:
+        """Return a position that its sensor may show within one turn, without its jumps."""
+        values = np.array([[position]])
+        self._angles.unwrap(values, np.array([begins]))
+        return float(values[0, 0])
 
     def moved(self, now: float, speed: float, position: float) -> str:
         """Take a sample of the axis, NaN where missing; say what is wrong, or nothing."""
         if math.isfinite(position):
             self._heard['travel'] = now
+            position = self._continuous(position)
             self._origin = position if self._origin is None else self._origin
             way = abs(position - self._origin)
             if way > self._bounds.travel:
