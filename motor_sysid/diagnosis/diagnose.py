@@ -68,9 +68,11 @@ def diagnose(
     Raises
     ------
     UserError
-        If the records cannot be used at all: no input, no output, or too few samples.
+        If the records cannot be used at all: no input, no output, or too few samples; or if there
+        is no such motor or effect.
     """
     settings = settings or Settings()
+    candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
     tell = progress or (lambda text: None)
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
@@ -83,7 +85,6 @@ def diagnose(
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
     bench = with_scales(bench, model)
-    candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
     threshold = threshold_for(
         settings.calibrations,
         model,
