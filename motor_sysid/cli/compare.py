@@ -8,11 +8,11 @@ from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     add_hold_back,
-    load_data,
     load_effect_files,
     progress,
-    write_json,
 )
+from motor_sysid.cli.output import write_json
+from motor_sysid.cli.reading import load_data, load_first_model
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.where.compare import Comparison
@@ -42,12 +42,10 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.diagnosis.fitting import compare_model
     from motor_sysid.diagnosis.learn import beyond_range
     from motor_sysid.diagnosis.result.document import SCHEMA, where_document
-    from motor_sysid.diagnosis.result.plain import number
-    from motor_sysid.physics.store import load_model
 
     load_effect_files(args.effect_file)
+    model = load_first_model(args)
     records = load_data(args.data, args.msg_config)
-    model = load_model(args.model)
     comparison, where = compare_model(model, records)
     print(f'error {comparison.error_percent:.4g} % (free run from the recorded input)')
     errors = _metrics(comparison, records[0].dt)
@@ -73,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         'schema': SCHEMA.replace('diagnosis', 'comparison'),
         'error_percent': comparison.error_percent,
         'channel_errors_percent': dict(comparison.channel_percent),
-        'metrics': {n: {k: number(v) for k, v in of.items()} for n, of in errors.items()},
+        'metrics': errors,
         'where': [where_document(w) for w in where],
     }
     if args.ceiling is not None:
