@@ -1,6 +1,7 @@
 """`motor-sysid compare`: run a model over recordings and say where it fails."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -42,6 +43,8 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.diagnosis.fitting import compare_model
     from motor_sysid.diagnosis.learn import beyond_range
     from motor_sysid.diagnosis.result.document import SCHEMA, where_document
+    from motor_sysid.diagnosis.search.motor_kind import passed_over
+    from motor_sysid.estimation.batch import observed_outputs
 
     load_effect_files(args.effect_file)
     model = load_first_model(args)
@@ -51,8 +54,9 @@ def run(args: argparse.Namespace) -> int:
     errors = _metrics(comparison, records[0].dt)
     for name, value in comparison.channel_percent.items():
         of = errors[name]
+        share = f'{value:.4g} %' if math.isfinite(value) else 'at rest'
         print(
-            f'  {name:<12}{value:>10.4g} %   RMS {of["rmse"]:.4g}, largest {of["largest"]:.4g}, '
+            f'  {name:<12}{share:>12}   RMS {of["rmse"]:.4g}, largest {of["largest"]:.4g}, '
             f'fit {of["fit_percent"]:.2f} %'
         )
     for one in where:
@@ -65,7 +69,8 @@ def run(args: argparse.Namespace) -> int:
             f'by {one.axis}: {100 * one.error_share[worst]:.0f} % of the squared error lies '
             f'{place}, in {100 * one.time_share[worst]:.0f} % of the time'
         )
-    for note in beyond_range(model, records):
+    unused = passed_over(records, lambda some: set(observed_outputs(model.kind, some)))
+    for note in (*beyond_range(model, records), *unused):
         print(f'note: {note}')
     document: dict[str, object] = {
         'schema': SCHEMA.replace('diagnosis', 'comparison'),
