@@ -13,7 +13,8 @@ from recording_tools import motor_record, motor_topics, write_bag
 
 from motor_sysid import __version__
 from motor_sysid.cli import main, VERBS
-from motor_sysid.cli.common import add_data_arguments, load_data
+from motor_sysid.cli.common import add_data_arguments
+from motor_sysid.cli.reading import load_data
 from motor_sysid.errors import UserError
 from motor_sysid.physics.datasheet import load_datasheet
 from motor_sysid.recording.save import write_record

@@ -57,6 +57,10 @@ def with_encoder(record: Record, counts: int = 2000) -> Record:
 
 GOOD = motor_record(6000)
 
+def with_duty(spoil: Spoil) -> Spoil:
+    return lambda r: spoil(r).with_signal('duty', r['voltage'] / 24, '1')
+
+
 SPOILT: dict[str, tuple[str, str, Spoil]] = {
     'speed in rpm': ('speed_unit', 'error', scaled('speed', RPM)),
     'speed in deg/s': ('speed_unit', 'error', scaled('speed', DEG)),
@@ -88,6 +92,9 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
         'non_finite', 'error', replaced('speed', lambda x: np.where(x == x[50], np.nan, x))
     ),
     'no input': ('no_input', 'error', without('voltage', 'current')),
+    'duty cycle alone': ('no_input', 'error', with_duty(without('voltage', 'current'))),
+    'duty cycle and current': ('no_voltage', 'warning', with_duty(without('voltage'))),
+    'no motion': ('no_motion_measured', 'warning', without('speed', 'position')),
     'no output': ('no_output', 'error', without('speed', 'position', 'current')),
     'one direction': ('one_direction', 'warning', lambda r: r.select(['voltage'])
                       .with_signal('speed', np.abs(r['speed']) + 1, 'rad/s')),
@@ -112,6 +119,14 @@ def test_spoilt_data_is_noticed(case: str) -> None:
     if severity == 'error':
         with pytest.raises(UserError):
             require_usable(findings.values())
+
+
+def test_the_doctor_tells_what_makes_a_duty_cycle_an_input() -> None:
+    for case in ('duty cycle alone', 'duty cycle and current'):
+        code, _, spoil = SPOILT[case]
+        assert '`supply_voltage: {constant: 24}`' in found(spoil(GOOD))[code].remedy
+    alone = SPOILT['duty cycle alone'][2](GOOD)
+    assert 'no_input' not in found(alone.with_signal('torque', GOOD['current'], 'N m'))
 
 
 def logged(count: int, early: bool, gain: float = 0.0) -> Record:

@@ -11,7 +11,8 @@ from motor_sysid.benchmark.three_phase_judge import described, owns
 from motor_sysid.benchmark.three_phase_rig import Sensors
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.search.bench import choose_kind, prepared_parts, told_kind
+from motor_sysid.diagnosis.search.bench import prepared_parts
+from motor_sysid.diagnosis.search.motor_kind import choose_kind, told_kind
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.physics.datasheet import load_datasheet

@@ -2,6 +2,8 @@
 
 import argparse
 from collections.abc import Sequence
+from contextlib import nullcontext, redirect_stdout
+import errno
 import importlib
 import importlib.util
 import os
@@ -44,15 +46,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = sys.argv[1:] if argv is None else list(argv)
     try:
         args = _parser(arguments).parse_args(arguments)
-        return _verb(args.verb).run(args)
+        piped = getattr(args, 'json', None) is sys.stdout
+        with redirect_stdout(sys.stderr) if piped else nullcontext():
+            code = _verb(args.verb).run(args)
+        sys.stdout.flush()
+        return code
     except UserError as error:
         print(f'error: {error}', file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
         return INTERRUPTED
     except BrokenPipeError:  # the reader (head, less) has seen enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _say_no_more()
         return BROKEN_PIPE
+    except OSError as problem:
+        if problem.errno != errno.ENOSPC:
+            raise
+        _say_no_more()
+        print(f'error: {problem.strerror}; make room and try again', file=sys.stderr)
+        return BAD_INPUT
+
+
+def _say_no_more() -> None:
+    """Drop what is still to be said on stdout, which takes no more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _parser(arguments: Sequence[str]) -> argparse.ArgumentParser:

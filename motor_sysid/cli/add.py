@@ -7,10 +7,10 @@ from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     load_effect_files,
-    load_parts,
     progress,
-    write_json,
 )
+from motor_sysid.cli.output import new_file, write_each, write_json, write_model
+from motor_sysid.cli.reading import load_first_model, load_parts
 
 HELP = 'add an effect to a model, refit on recordings, and say what it brings'
 
@@ -21,7 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('effect', metavar='EFFECT', help='key of the effect to add')
     add_data_arguments(parser, validate=True)
     parser.add_argument(
-        '-o', '--out', type=Path, metavar='MODEL', help='write the new model (YAML)'
+        '-o', '--out', type=new_file, metavar='MODEL', help='write the new model (YAML)'
     )
     add_effect_file_argument(parser)
 
@@ -31,12 +31,12 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.cli.fit import rung_lines
     from motor_sysid.diagnosis.fitting import add_effect
     from motor_sysid.diagnosis.result.document import model_parameters
-    from motor_sysid.physics.store import load_model, save_model
 
-    load_effect_files(args.effect_file)
+    load_effect_files(args.effect_file, [args.effect])
+    model = load_first_model(args)
     train, held = load_parts(args)
     before, trial = add_effect(
-        load_model(args.model),
+        model,
         args.effect,
         train,
         held,
@@ -50,9 +50,6 @@ def run(args: argparse.Namespace) -> int:
         f'{after.validation.error_percent:.4g} %, evidence dBIC {trial.delta_bic:.4g}: '
         f'{trial.note or "it helps"}'
     )
-    if args.out:
-        save_model(after.model, args.out)
-        print(f'model: {args.out}')
     document = {
         'schema': 'motor_sysid/add/1',
         'effect': args.effect,
@@ -65,5 +62,5 @@ def run(args: argparse.Namespace) -> int:
         'train_error_percent': [before.training.error_percent, after.training.error_percent],
         'parameters': model_parameters(after.model),
     }  # fmt: skip
-    write_json(document, args.json)
+    write_each(lambda: write_model(after.model, args.out), lambda: write_json(document, args.json))
     return 0

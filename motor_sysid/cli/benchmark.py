@@ -6,7 +6,8 @@ from pathlib import Path
 import tempfile
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_text
+from motor_sysid.cli.common import add_json_argument
+from motor_sysid.cli.output import new_file, write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -66,8 +67,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--no-peers', action='store_true', help='do not run the other methods on the same records'
     )
-    parser.add_argument('--page', type=Path, metavar='FILE', help='write the report as HTML, too')
-    parser.add_argument('--json', type=Path, metavar='FILE', help='write rates and cases as JSON')
+    parser.add_argument('--page', type=new_file, metavar='FILE', help='write the page (HTML), too')
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:

@@ -4,7 +4,7 @@ import argparse
 import sys
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_text
+from motor_sysid.cli.output import write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from pathlib import Path
 import tempfile
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_text
+from motor_sysid.cli.output import write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:

@@ -12,13 +12,12 @@ from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     load_effect_files,
-    load_parts,
     number,
     progress,
-    refuse_two_motors,
     whole,
-    write_json,
 )
+from motor_sysid.cli.output import new_page, write_each, write_json
+from motor_sysid.cli.reading import load_parts, refuse_two_motors
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='processes; the result does not depend on it (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '-o', '--out', type=Path, metavar='FILE',
+        '-o', '--out', type=new_page, metavar='FILE',
         help="where to keep it; default: the user's folder, where `diagnose` finds it",
     )  # fmt: skip
     add_effect_file_argument(parser)
@@ -72,11 +71,10 @@ def run(args: argparse.Namespace) -> int:
     """Plan, run, conclude, keep."""
     from motor_sysid.diagnosis.calibration.calibration import concluded
     from motor_sysid.diagnosis.calibration.null import make_plan
-    from motor_sysid.diagnosis.calibration.store import save_calibration
     from motor_sysid.physics.effects import catalogue
 
     _refuse(args)
-    load_effect_files(args.effect_file)
+    load_effect_files(args.effect_file, args.effects or ())
     train, held = load_parts(args)
     plan = make_plan(
         _complete(args, train, held),
@@ -90,9 +88,17 @@ def run(args: argparse.Namespace) -> int:
     print('\n'.join(_planned(plan)))
     found = concluded(plan, _runs(plan, args), [*train, *held])
     print('\n'.join(summary(found, args.alpha)))
-    print(f'calibration: {save_calibration(found, args.out)}')
-    write_json(_document(found, args.alpha), args.json)
+    write_each(
+        lambda: _keep(found, args.out),
+        lambda: write_json(_document(found, args.alpha), args.json),
+    )
     return 0
+
+
+def _keep(found: 'Calibration', path: Path | None) -> None:
+    from motor_sysid.diagnosis.calibration.store import save_calibration
+
+    print(f'calibration: {save_calibration(found, path)}')
 
 
 def _refuse(args: argparse.Namespace) -> None:
@@ -205,11 +211,8 @@ def _document(found: 'Calibration', alpha: float) -> dict[str, object]:
         'limits': list(one.limits),
         'runs': one.runs,
         'extrapolated': one.extrapolated,
-        'evidence': [_finite(value) for value in found.evidence],
-        'passing': [_finite(value) for value in found.passing],
+        'evidence': found.evidence,
+        'passing': found.passing,
         'provenance': dict(found.provenance),
     }
 
-
-def _finite(value: float) -> float | None:
-    return value if math.isfinite(value) else None

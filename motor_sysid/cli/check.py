@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import add_data_arguments, write_json
+from motor_sysid.cli.common import add_data_arguments
+from motor_sysid.cli.output import write_json
+from motor_sysid.cli.reading import load_sheet
 
 if TYPE_CHECKING:
     from motor_sysid.recording import Loaded
@@ -31,7 +33,8 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.recording import load
     from motor_sysid.signals.doctor import by_severity, examine
 
-    k_e = _back_emf_constant(args.nominal)
+    sheet = load_sheet(args.nominal)
+    k_e = sheet.k_e if sheet else None
     documents, errors = [], 0
     for path in args.data:
         loaded = load(path, args.msg_config)
@@ -42,14 +45,6 @@ def run(args: argparse.Namespace) -> int:
         print(_verdict(findings))
     write_json({'schema': SCHEMA, 'data': documents}, args.json)
     return 2 if errors else 0
-
-
-def _back_emf_constant(datasheet: Path | None) -> float | None:
-    if datasheet is None:
-        return None
-    from motor_sysid.physics.datasheet import load_datasheet
-
-    return load_datasheet(datasheet).nominal.get('k_t')
 
 
 def _document(loaded: 'Loaded', findings: Sequence['Finding']) -> dict[str, object]:

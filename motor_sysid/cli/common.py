@@ -1,22 +1,13 @@
-"""What the verbs share: data arguments, loading, progress and JSON output."""
+"""What the verbs share: arguments, effects and progress."""
 
 import argparse
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-import json
+from collections.abc import Callable, Sequence
 import math
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
 
+from motor_sysid.cli.output import json_target
 from motor_sysid.errors import UserError
-
-if TYPE_CHECKING:
-    from motor_sysid.signals.record import Record
-
-
-FEWEST = 20
-"""Samples that must be left to fit: fewer show no noise."""
 
 
 def number(
@@ -90,7 +81,15 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
         help='which topic or column carries which signal; a file, or the name of one that ships '
         'with the package (emps, ...); default: topics of this package, or headers with units',
     )  # fmt: skip
-    parser.add_argument('--json', type=Path, metavar='FILE', help='also write the result as JSON')
+    add_json_argument(parser)
+
+
+def add_json_argument(parser: argparse.ArgumentParser) -> None:
+    """Declare --json."""
+    parser.add_argument(
+        '--json', type=json_target, metavar='FILE',
+        help='also write the result as JSON; `-`: to stdout, and all text to stderr',
+    )  # fmt: skip
 
 
 def add_effect_file_argument(parser: argparse.ArgumentParser) -> None:
@@ -101,65 +100,20 @@ def add_effect_file_argument(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def load_data(paths: Sequence[Path], msg_config: str | None) -> 'list[Record]':
-    """Read recordings; what had to be mended is told on stderr.
+def load_effect_files(paths: Sequence[Path], asked: Sequence[str] = ()) -> None:
+    """Add the user's own effects to the catalogue.
 
     Raises
     ------
     UserError
-        If one cannot be read, or the data doctor finds an error (a wrong unit, no input ...) that
-        would make every result wrong without a word.
+        If a file is no effect, or there is no effect of a key that is asked for.
     """
-    from motor_sysid.recording import load
-    from motor_sysid.signals.doctor import examine
-
-    records: list[Record] = []
-    for path in paths:
-        loaded = load(path, msg_config)
-        for finding in loaded.findings:
-            if finding.severity != 'info':
-                print(f'{path}: {finding.message}', file=sys.stderr)
-        records.extend(loaded.records)
-    errors = [f for f in examine(records) if f.severity == 'error'] if records else []
-    if errors:
-        problems = '\n'.join(f'  {error.message}\n    {error.remedy}' for error in errors)
-        names = ', '.join(map(str, paths))
-        raise UserError(f'{names} cannot be used (`motor-sysid check` tells more):\n{problems}')
-    return records
-
-
-def load_parts(args: argparse.Namespace) -> 'tuple[list[Record], list[Record]]':
-    """Read what is to be fitted, and what to judge on: --validate, or else the end of the former.
-
-    Raises
-    ------
-    UserError
-        As `load_data`; and if hardly a sample would be left to fit or to judge on.
-    """
-    train = load_data(args.data, args.msg_config)
-    held = load_data(args.validate, args.msg_config)
-    longest = max(len(record) for record in train)
-    kept = round((1 - args.hold_back) * longest)
-    if not held and (kept < FEWEST or longest - kept < 2):
-        raise UserError(
-            f'--hold-back {args.hold_back:g} leaves {kept} samples to fit and {longest - kept} to '
-            f'judge on, of the {longest} of the longest record; {FEWEST} and 2 are the fewest'
-        )
-    return train, held
-
-
-def refuse_two_motors(args: argparse.Namespace) -> None:
-    """Refuse a motor kind beside a model, which names one."""
-    if args.model and args.motor:
-        raise UserError('--model names the motor already; leave --motor out')
-
-
-def load_effect_files(paths: Sequence[Path]) -> None:
-    """Add the user's own effects to the catalogue."""
-    from motor_sysid.physics.effects import add_effect_file
+    from motor_sysid.physics.effects import add_effect_file, effect
 
     for path in paths:
         add_effect_file(path)
+    for key in asked:
+        effect(key)
 
 
 def progress() -> Callable[[str], None]:
@@ -169,31 +123,3 @@ def progress() -> Callable[[str], None]:
         print(f'  {text} ...', file=sys.stderr, flush=True)
 
     return tell
-
-
-@contextmanager
-def writing(path: Path) -> Iterator[None]:
-    """Say in words that a file or folder cannot be written."""
-    try:
-        yield
-    except OSError as problem:
-        raise UserError(f'cannot write {path}: {problem.strerror}') from problem
-
-
-def write_text(text: str, path: Path, what: str) -> None:
-    """Write a file, and say `what` lies where.
-
-    Raises
-    ------
-    UserError
-        If the file cannot be written.
-    """
-    with writing(path):
-        path.write_text(text, encoding='utf-8')
-    print(f'{what}: {path}')
-
-
-def write_json(document: object, path: Path | None) -> None:
-    """Write a result as JSON, if a file was asked for; see `write_text`."""
-    if path is not None:
-        write_text(json.dumps(document, indent=1) + '\n', path, 'result')

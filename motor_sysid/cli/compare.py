@@ -1,6 +1,7 @@
 """`motor-sysid compare`: run a model over recordings and say where it fails."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -8,11 +9,11 @@ from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     add_hold_back,
-    load_data,
     load_effect_files,
     progress,
-    write_json,
 )
+from motor_sysid.cli.output import write_json
+from motor_sysid.cli.reading import load_data, load_first_model
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.where.compare import Comparison
@@ -42,19 +43,20 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.diagnosis.fitting import compare_model
     from motor_sysid.diagnosis.learn import beyond_range
     from motor_sysid.diagnosis.result.document import SCHEMA, where_document
-    from motor_sysid.diagnosis.result.plain import number
-    from motor_sysid.physics.store import load_model
+    from motor_sysid.diagnosis.search.motor_kind import passed_over
+    from motor_sysid.estimation.batch import observed_outputs
 
     load_effect_files(args.effect_file)
+    model = load_first_model(args)
     records = load_data(args.data, args.msg_config)
-    model = load_model(args.model)
     comparison, where = compare_model(model, records)
     print(f'error {comparison.error_percent:.4g} % (free run from the recorded input)')
     errors = _metrics(comparison, records[0].dt)
     for name, value in comparison.channel_percent.items():
         of = errors[name]
+        share = f'{value:.4g} %' if math.isfinite(value) else 'at rest'
         print(
-            f'  {name:<12}{value:>10.4g} %   RMS {of["rmse"]:.4g}, largest {of["largest"]:.4g}, '
+            f'  {name:<12}{share:>12}   RMS {of["rmse"]:.4g}, largest {of["largest"]:.4g}, '
             f'fit {of["fit_percent"]:.2f} %'
         )
     for one in where:
@@ -67,13 +69,14 @@ def run(args: argparse.Namespace) -> int:
             f'by {one.axis}: {100 * one.error_share[worst]:.0f} % of the squared error lies '
             f'{place}, in {100 * one.time_share[worst]:.0f} % of the time'
         )
-    for note in beyond_range(model, records):
+    unused = passed_over(records, lambda some: set(observed_outputs(model.kind, some)))
+    for note in (*beyond_range(model, records), *unused):
         print(f'note: {note}')
     document: dict[str, object] = {
         'schema': SCHEMA.replace('diagnosis', 'comparison'),
         'error_percent': comparison.error_percent,
         'channel_errors_percent': dict(comparison.channel_percent),
-        'metrics': {n: {k: number(v) for k, v in of.items()} for n, of in errors.items()},
+        'metrics': errors,
         'where': [where_document(w) for w in where],
     }
     if args.ceiling is not None:

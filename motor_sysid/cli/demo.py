@@ -10,10 +10,11 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import writing
+from motor_sysid.cli.common import add_json_argument
 from motor_sysid.cli.compiling import compile_nodes
 from motor_sysid.cli.demo_motors import DemoMotor, MOTORS
 from motor_sysid.cli.demo_result import Demo, finish
+from motor_sysid.cli.output import writing
 from motor_sysid.cli.progress import live_progress
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
@@ -48,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--out', type=Path, help='folder for all results (default: demo_DATE)')
     parser.add_argument('--storage', choices=('sqlite3', 'mcap'), default='sqlite3')
     parser.add_argument('--seed', type=int, default=1, help='of the motor and its noise')
-    parser.add_argument('--json', type=Path, help='write the result to this file too')
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:

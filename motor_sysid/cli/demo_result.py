@@ -3,9 +3,12 @@
 from dataclasses import dataclass, replace
 from pathlib import Path
 import time
+from typing import TextIO
 
-from motor_sysid.cli.common import load_data, progress, write_json
+from motor_sysid.cli.common import progress
 from motor_sysid.cli.diagnose import summary
+from motor_sysid.cli.output import write_json
+from motor_sysid.cli.reading import load_data
 from motor_sysid.physics.model import Model
 
 SHORTEST = 0.1
@@ -32,7 +35,7 @@ class Demo:
     out: Path
     nominal: Model
     begin: float
-    json: Path | None
+    json: Path | TextIO | None
 
 
 def finish(demo: Demo) -> int:

@@ -6,20 +6,25 @@ from dataclasses import replace
 from pathlib import Path
 import sys
 import time
-from typing import TYPE_CHECKING, TypedDict
+from typing import TextIO, TYPE_CHECKING, TypedDict
 
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     load_effect_files,
-    load_parts,
     number,
     progress,
-    refuse_two_motors,
     whole,
+)
+from motor_sysid.cli.output import (
+    new_file,
+    new_page,
+    write_each,
     write_json,
+    write_model,
     writing,
 )
+from motor_sysid.cli.reading import load_parts, load_start
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis import Diagnosis, Settings
@@ -34,7 +39,7 @@ class Asked(TypedDict):
 
     motor: str | None
     model: 'Model | None'
-    nominal: Mapping[str, float] | None
+    nominal: Mapping[str, float]
     effects: list[str] | None
     settings: 'Settings'
 
@@ -76,16 +81,13 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
     """
     from motor_sysid.diagnosis import Settings
     from motor_sysid.diagnosis.calibration.store import load_calibrations
-    from motor_sysid.physics.datasheet import load_datasheet
-    from motor_sysid.physics.store import load_model
 
-    refuse_two_motors(args)
-    load_effect_files(args.effect_file)
-    sheet = load_datasheet(args.nominal) if args.nominal else None
+    load_effect_files(args.effect_file, args.effects or ())
+    start = load_start(args)
     asked: Asked = {
-        'motor': args.motor or (sheet.motor if sheet else None),
-        'model': load_model(args.model) if args.model else None,
-        'nominal': sheet.nominal if sheet else None,
+        'motor': start.motor,
+        'model': start.model,
+        'nominal': start.nominal,
         'effects': args.effects,
         'settings': Settings(
             max_effects=args.max_effects,
@@ -94,47 +96,50 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
             calibrations=tuple(load_calibrations(complain=_complain)),
         ),
     }
-    return *load_parts(args), asked
+    return *load_parts(args, start.k_e), asked
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Declare the arguments of the verb."""
     add_question_arguments(parser)
     parser.add_argument(
-        '-o', '--out', type=Path, metavar='MODEL', help='write the final model (YAML)'
+        '-o', '--out', type=new_file, metavar='MODEL', help='write the final model (YAML)'
     )
-    parser.add_argument('--report', type=Path, metavar='HTML', help='write the page, too')
+    parser.add_argument('--report', type=new_page, metavar='HTML', help='write the page, too')
 
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose, print the verdict, write what was asked for."""
     from motor_sysid.diagnosis import diagnose
-    from motor_sysid.physics.store import save_model
 
     train, validation, asked = question_of(args)
     began = time.perf_counter()
     found = diagnose(train, validation, **asked, progress=progress())
     found = replace(found, seconds=time.perf_counter() - began)
     print('\n'.join(summary(found)))
-    write_result(found, args.json)
-    if args.out:
-        save_model(found.model, args.out)
-        print(f'model: {args.out}')
-    if args.report:
-        from motor_sysid.workbench.report import write_report
-
-        with writing(args.report):
-            print(f'report: {write_report(found, args.report)}')
+    write_each(
+        lambda: write_result(found, args.json),
+        lambda: write_model(found.model, args.out),
+        lambda: _write_page(found, args.report),
+    )
     return 0
 
 
-def write_result(found: 'Diagnosis', path: Path | None) -> None:
-    """Write a diagnosis and its page's view as JSON, if a file was asked for."""
+def write_result(found: 'Diagnosis', target: Path | TextIO | None) -> None:
+    """Write a diagnosis and its page's view as JSON, if that was asked for."""
     from motor_sysid.diagnosis.result.document import diagnosis_document
     from motor_sysid.workbench.view import build_view
 
+    if target is not None:
+        write_json({**diagnosis_document(found), 'view': build_view(found)}, target)
+
+
+def _write_page(found: 'Diagnosis', path: Path | None) -> None:
+    from motor_sysid.workbench.report import write_report
+
     if path is not None:
-        write_json({**diagnosis_document(found), 'view': build_view(found)}, path)
+        with writing(path):
+            print(f'report: {write_report(found, path)}')
 
 
 def _complain(text: str) -> None:

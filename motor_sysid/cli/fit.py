@@ -3,19 +3,20 @@
 import argparse
 from collections.abc import Sequence
 from pathlib import Path
+import sys
 from typing import TYPE_CHECKING
 
 from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     load_effect_files,
-    load_parts,
-    refuse_two_motors,
-    write_json,
 )
+from motor_sysid.cli.output import new_file, write_each, write_json, write_model
+from motor_sysid.cli.reading import load_parts, load_start
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
+    from motor_sysid.cli.reading import Start
     from motor_sysid.diagnosis.search.rung import Rung
     from motor_sysid.estimation.batch import Transfer
     from motor_sysid.physics.model import Model
@@ -49,21 +50,21 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='how far motors of this type differ, with --prior: 0.1 for 10 %% (the default) in '
         'all parameters, b=0.5 for one of them',
     )  # fmt: skip
-    parser.add_argument('-o', '--out', type=Path, metavar='MODEL', help='write the model (YAML)')
+    parser.add_argument(
+        '-o', '--out', type=new_file, metavar='MODEL', help='write the model (YAML)'
+    )
     add_effect_file_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Fit, print parameters and errors, write what was asked for."""
-    from motor_sysid.physics.store import save_model
-
-    refuse_two_motors(args)
-    load_effect_files(args.effect_file)
-    train, held = load_parts(args)
+    load_effect_files(args.effect_file, args.effect)
+    start = load_start(args)
+    train, held = load_parts(args, start.k_e)
     if args.prior:
         rung, found = _transferred(args, train, held)
     else:
-        rung, found = _fitted(args, train, held), None
+        rung, found = _fitted(args, start, train, held), None
     for line in (*rung_lines(rung.model, rung.result.reason), *_share_lines(found)):
         print(line)
     print(
@@ -72,29 +73,26 @@ def run(args: argparse.Namespace) -> int:
     )
     for line in (*rung.result.unidentifiable, *rung.result.warnings):
         print(f'note: {line}')
-    if args.out:
-        save_model(rung.model, args.out)
-        print(f'model: {args.out}')
-    write_json({**_document(rung), **_prior_document(found)}, args.json)
+    document = {**_document(rung), **_prior_document(found)}
+    write_each(lambda: write_model(rung.model, args.out), lambda: write_json(document, args.json))
     return 0
 
 
 def _fitted(
-    args: argparse.Namespace, train: 'list[Record]', held: 'list[Record]'
+    args: argparse.Namespace, start: 'Start', train: 'list[Record]', held: 'list[Record]'
 ) -> 'Rung':
     from motor_sysid.diagnosis.fitting import fit_model
-    from motor_sysid.physics.datasheet import load_datasheet
-    from motor_sysid.physics.store import load_model
 
     if args.spread:
         raise UserError('--spread says how far sisters differ; name one of them with --prior')
-    sheet = load_datasheet(args.nominal) if args.nominal else None
+    if start.model is not None and start.nominal:
+        print(f'note: values start from {args.model}, not from the data sheet', file=sys.stderr)
     return fit_model(
         train,
         held,
-        model=load_model(args.model) if args.model else None,
-        motor=args.motor or (sheet.motor if sheet else None),
-        nominal=sheet.nominal if sheet else {},
+        model=start.model,
+        motor=start.motor,
+        nominal=start.nominal,
         effects=args.effect,
         method=args.method,
         validation_fraction=args.hold_back,
@@ -164,17 +162,15 @@ def rung_lines(model: 'Model', reason: str) -> list[str]:
 
 
 def _prior_document(found: 'Transfer | None') -> dict[str, object]:
-    from motor_sysid.diagnosis.result.plain import number
-
     if found is None:
         return {}
     shares = {
         one.name: {
             'unit': one.unit,
-            'prior': number(one.prior),
-            'prior_sigma': number(one.prior_sigma),
+            'prior': one.prior,
+            'prior_sigma': one.prior_sigma,
             'data_share': one.data,
-            'p_value': number(one.p_value),
+            'p_value': one.p_value,
         }
         for one in found.shares
     }
@@ -187,7 +183,6 @@ def _prior_document(found: 'Transfer | None') -> dict[str, object]:
 
 def _document(rung: 'Rung') -> dict[str, object]:
     from motor_sysid.diagnosis.result.document import model_parameters
-    from motor_sysid.diagnosis.result.plain import number
 
     told = rung.result.information
     return {
@@ -203,8 +198,8 @@ def _document(rung: 'Rung') -> dict[str, object]:
         'identifiability': {
             'rank': told.rank,
             'parameters': len(told.names),
-            'condition': number(told.condition),
-            'cramer_rao': dict(zip(told.names, map(number, told.bound), strict=True)),
+            'condition': told.condition,
+            'cramer_rao': dict(zip(told.names, map(float, told.bound), strict=True)),
         },
         'unidentifiable': list(rung.result.unidentifiable),
         'warnings': list(rung.result.warnings),

@@ -8,11 +8,10 @@ from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     load_effect_files,
-    load_parts,
     progress,
-    refuse_two_motors,
-    write_json,
 )
+from motor_sysid.cli.output import new_file, write_each, write_json, write_model
+from motor_sysid.cli.reading import load_parts, load_start
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.learn import Learned
@@ -33,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='what the law is beyond the range of the data (default: %(default)s)',
     )  # fmt: skip
     parser.add_argument(
-        '-o', '--out', type=Path, metavar='MODEL',
+        '-o', '--out', type=new_file, metavar='MODEL',
         help='write the model (YAML); not written where the law is refused',
     )  # fmt: skip
     add_effect_file_argument(parser)
@@ -44,19 +43,16 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.cli.fit import rung_lines
     from motor_sysid.diagnosis import Settings
     from motor_sysid.diagnosis.learn import learn
-    from motor_sysid.physics.datasheet import load_datasheet
-    from motor_sysid.physics.store import load_model, save_model
 
     load_effect_files(args.effect_file)
-    refuse_two_motors(args)
-    train, held = load_parts(args)
-    sheet = load_datasheet(args.nominal) if args.nominal else None
+    start = load_start(args)
+    train, held = load_parts(args, start.k_e)
     found = learn(
         train,
         held,
-        motor=args.motor or (sheet.motor if sheet else None),
-        model=load_model(args.model) if args.model else None,
-        nominal=sheet.nominal if sheet else None,
+        motor=start.motor,
+        model=start.model,
+        nominal=start.nominal,
         hold=args.beyond == 'hold',
         settings=Settings(validation_fraction=args.hold_back),
         progress=progress(),
@@ -66,10 +62,10 @@ def run(args: argparse.Namespace) -> int:
     if found.model is not None and found.after is not None:
         print('\n'.join(rung_lines(found.model, found.after.result.reason)))
     print(found.reason)
-    if args.out and found.model is not None:
-        save_model(found.model, args.out)
-        print(f'model: {args.out}')
-    write_json(_document(found), args.json)
+    write_each(
+        lambda: write_model(found.model, args.out),
+        lambda: write_json(_document(found), args.json),
+    )
     return 0
 
 

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_effect_file_argument,
     add_reading_arguments,
-    load_data,
     load_effect_files,
     number,
-    write_json,
 )
+from motor_sysid.cli.output import write_json
+from motor_sysid.cli.reading import load_data, load_first_model
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.condition import Condition
@@ -43,10 +43,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Compare, print, write what was asked for."""
     from motor_sysid.diagnosis.condition import conditions
-    from motor_sysid.physics.store import load_model
 
     load_effect_files(args.effect_file)
-    reference = load_model(args.model)
+    reference = load_first_model(args)
     days = [load_data([path], args.msg_config) for path in args.data]
     found = conditions(reference, days, alpha=args.alpha, scatter=args.scatter)
     print('\n'.join(_lines(reference, args.data, found)))
@@ -83,8 +82,6 @@ def _checks(day: 'Condition') -> list[str]:
 
 
 def _document(paths: list[Path], found: 'tuple[Condition, ...]') -> dict[str, object]:
-    from motor_sysid.diagnosis.result.plain import number
-
     days = []
     for path, day in zip(paths, found, strict=True):
         p_values = day.drift.p_values()
@@ -93,8 +90,8 @@ def _document(paths: list[Path], found: 'tuple[Condition, ...]') -> dict[str, ob
                 'reference': p.value,
                 'value': float(day.drift.values[k]),
                 'unit': p.unit,
-                'change_percent': number(day.drift.percent(k)),
-                'sigma_percent': number(100 * float(day.drift.sigma[k])),
+                'change_percent': float(day.drift.percent(k)),
+                'sigma_percent': 100 * float(day.drift.sigma[k]),
                 'p_value': float(p_values[k]),
                 'alarm': k in day.moved,
             }

@@ -2,11 +2,11 @@
 
 import argparse
 from collections.abc import Mapping
-import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import write_json, write_text
+from motor_sysid.cli.common import add_json_argument
+from motor_sysid.cli.output import new_file, write_each, write_json, write_text
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--node', default='identifier', metavar='NAME',
         help='recorded identifier, with its namespace where there are several: left/identifier',
     )  # fmt: skip
-    parser.add_argument('--csv', type=Path, help='write every estimate to this file')
-    parser.add_argument('--json', type=Path, help='write the result to this file')
+    parser.add_argument('--csv', type=new_file, help='write every estimate to this file')
+    add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -43,9 +43,9 @@ def run(args: argparse.Namespace) -> int:
     config = load_msg_config(args.msg_config) if args.msg_config else DEFAULT_CONFIG
     result = replay(args.bag, _configuration(args), config, args.node)
     _print(result)
-    if args.csv:
-        _write_csv(result, args.csv)
-    write_json(_as_json(result), args.json)
+    write_each(
+        lambda: _write_csv(result, args.csv), lambda: write_json(_as_json(result), args.json)
+    )
     return _verdict(result) if args.check else 0
 
 
@@ -113,7 +113,7 @@ def _as_json(result: 'Replay') -> dict[str, object]:
         'estimates': {
             name: {
                 'value': value,
-                'sigma': sigma if math.isfinite(sigma) else None,
+                'sigma': sigma,
                 'unit': unit,
                 'identifiable': identifiable,
             }
@@ -128,8 +128,10 @@ def _as_json(result: 'Replay') -> dict[str, object]:
     }  # fmt: skip
 
 
-def _write_csv(result: 'Replay', path: Path) -> None:
+def _write_csv(result: 'Replay', path: Path | None) -> None:
     """Write stamp, value and sigma of every estimate; floats read back bit for bit."""
+    if path is None:
+        return
     names = {name: found[2] for name, found in _last(result).items()}
     head = [f'{name} [{unit}],{name}_sigma [{unit}]' for name, unit in names.items()]
     lines = [','.join(['time [s]', *head])]

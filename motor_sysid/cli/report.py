@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_effect_file_argument,
     add_reading_arguments,
-    load_data,
     load_effect_files,
     progress,
-    writing,
 )
+from motor_sysid.cli.output import new_page, write_each, write_json, writing
+from motor_sysid.cli.reading import load_both
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='recordings to judge on; default: the last part of each DATA is held back',
     )  # fmt: skip
     parser.add_argument(
-        '-o', '--out', default=Path('report.html'), metavar='HTML', type=Path,
+        '-o', '--out', default='report.html', metavar='HTML', type=new_page,
         help='the page to write (default: %(default)s)',
     )  # fmt: skip
     add_reading_arguments(parser)
@@ -41,8 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the page and say where it lies."""
-    from motor_sysid.workbench.report import write_view_report
-    from motor_sysid.workbench.view import load_view, save_view
+    from motor_sysid.workbench.view import load_view
 
     load_effect_files(args.effect_file)
     saved = len(args.inputs) == 1 and args.inputs[0].suffix == '.json'
@@ -53,12 +52,15 @@ def run(args: argparse.Namespace) -> int:
             'give a model (.yaml) and data'
         )
     view = load_view(args.inputs[0]) if saved else _view_of_model(args)
-    with writing(args.out):
-        print(f'report: {write_view_report(view, args.out)}')
-    if args.json is not None:
-        with writing(args.json):
-            print(f'result: {save_view(view, args.json)}')
+    write_each(lambda: _write_page(view, args.out), lambda: write_json(view, args.json))
     return 0
+
+
+def _write_page(view: 'View', path: Path) -> None:
+    from motor_sysid.workbench.report import write_view_report
+
+    with writing(path):
+        print(f'report: {write_view_report(view, path)}')
 
 
 def _view_of_model(args: argparse.Namespace) -> 'View':
@@ -73,10 +75,6 @@ def _view_of_model(args: argparse.Namespace) -> 'View':
             f'{model} alone makes no report; give one saved diagnosis (.json), or a model (.yaml) '
             'followed by data'
         )
-    found = diagnose(
-        load_data(data, args.msg_config),
-        load_data(args.validate, args.msg_config),
-        model=load_model(model),
-        progress=progress(),
-    )
-    return build_view(found)
+    start = load_model(model)
+    train, held = load_both(data, args.validate, args.msg_config)
+    return build_view(diagnose(train, held, model=start, progress=progress()))

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from motor_sysid.cli.common import (
     add_effect_file_argument,
-    load_data,
     load_effect_files,
     number,
     whole,
 )
+from motor_sysid.cli.output import new_file, write_each, write_model
+from motor_sysid.cli.reading import load_data
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -80,7 +81,7 @@ def _add_plant_arguments(parser: argparse.ArgumentParser) -> None:
         help='.csv, .csv.gz, or else a bag folder',
     )  # fmt: skip
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help='of a bag')
-    parser.add_argument('--save-model', type=Path, metavar='MODEL', help='write what was run')
+    parser.add_argument('--save-model', type=new_file, metavar='MODEL', help='write what was run')
     add_effect_file_argument(parser)
 
 
@@ -116,7 +117,6 @@ def _add_motion_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Simulate and write."""
-    from motor_sysid.physics.store import save_model
     from motor_sysid.recording.save import write_record
 
     _refuse_idle(args)
@@ -127,10 +127,10 @@ def run(args: argparse.Namespace) -> int:
     driven = _recorded(args)
     model = _model(args, driven.dt if driven else 1 / args.rate)
     record = _follow(model, driven, args) if driven else _record(model, args)
-    write_record(record, args.out, storage=args.storage)
-    if args.save_model:
-        save_model(model, args.save_model)
-        print(f'model: {args.save_model}')
+    write_each(
+        lambda: write_record(record, args.out, storage=args.storage),
+        lambda: write_model(model, args.save_model),
+    )
     names = ', '.join(f'{name} [{record.units[name]}]' for name in record)
     print(f'{len(record)} samples of {names} over {record.duration:.3g} s: {args.out}')
     return 0

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 from motor_sysid.cli.common import (
     add_effect_file_argument,
     add_reading_arguments,
-    load_data,
     load_effect_files,
     progress,
-    write_json,
 )
+from motor_sysid.cli.output import new_file, write_each, write_json
+from motor_sysid.cli.reading import load_data, load_first_model
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     _add_limits(parser)
     parser.add_argument(
-        '-o', '--out', type=Path, metavar='FILE',
+        '-o', '--out', type=new_file, metavar='FILE',
         help='write the profile: .yaml for the node `excitation` and for simulate, or .csv',
     )  # fmt: skip
     add_effect_file_argument(parser)
@@ -64,13 +64,11 @@ def _add_limits(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Choose the experiment, print it, write what was asked for."""
-    from motor_sysid.control.profile_file import save_profile
     from motor_sysid.diagnosis import suggest
     from motor_sysid.diagnosis.experiment import limits_of
-    from motor_sysid.physics.store import load_model
 
     load_effect_files(args.effect_file)
-    model = load_model(args.model)
+    model = load_first_model(args)
     records = [r.uniform() for r in load_data(args.data, args.msg_config)]
     limits = limits_of(
         records, model.kind, input=args.voltage, speed=args.speed, current=args.current,
@@ -81,14 +79,22 @@ def run(args: argparse.Namespace) -> int:
         parameters=args.parameters, limits=limits, progress=progress(),
     )  # fmt: skip
     print('\n'.join(summary(made)))
-    if args.out and made.profile is not None:
-        save_profile(
-            made.profile, args.out, limits=made.limits.sizes(), note=made.summary,
-            dt=records[0].dt,
-        )  # fmt: skip
-        print(f'profile: {args.out}')
-    write_json({'schema': 'motor_sysid/suggest/1', 'experiment': made.to_dict()}, args.json)
+    document = {'schema': 'motor_sysid/suggest/1', 'experiment': made.to_dict()}
+    write_each(
+        lambda: _write_profile(made, args.out, records[0].dt),
+        lambda: write_json(document, args.json),
+    )
     return 0
+
+
+def _write_profile(made: 'Experiment', path: Path | None, dt: float) -> None:
+    from motor_sysid.control.profile_file import save_profile
+
+    if path is not None and made.profile is not None:
+        save_profile(
+            made.profile, path, limits=made.limits.sizes(), note=made.summary, dt=dt
+        )
+        print(f'profile: {path}')
 
 
 def _document(path: Path | None) -> dict[str, object] | None:

@@ -13,15 +13,16 @@ from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.result.threshold import Threshold
 from motor_sysid.diagnosis.search.bench import (
     base_fit,
-    choose_kind,
     make_bench,
     prepared_parts,
     refuse_short,
-    told_kind,
     with_scales,
 )
+from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
 from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest, stands_still
 from motor_sysid.diagnosis.settings import Settings
+from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
@@ -68,9 +69,11 @@ def diagnose(
     Raises
     ------
     UserError
-        If the records cannot be used at all: no input, no output, or too few samples.
+        If the records cannot be used at all: no input, no output, or too few samples; or if there
+        is no such motor or effect.
     """
     settings = settings or Settings()
+    candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
     tell = progress or (lambda text: None)
     wanted = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
@@ -78,12 +81,16 @@ def diagnose(
     records, held = prepared_parts(train, validation, wanted, known)
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
+    refuse_model_at_rest(model, records)
+    notes = remarks(kind, [*records, *held], model.motor if model else motor)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     tell(f'fitting a linear {kind.title}')
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
+    if kind.currents and stands_still([*records, *held]):
+        found = diagnosis_at_rest(climb(model, bench), bench)
+        return replace(found, warnings=(*notes, *found.warnings))
     bench = with_scales(bench, model)
-    candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
     threshold = threshold_for(
         settings.calibrations,
         model,
@@ -101,6 +108,7 @@ def diagnose(
         shared = replace(with_scales(shared, model), threshold=bench.threshold)
         again = Engine(shared, candidates, settings, tell, nominal).run(climb(model, shared))
         found = better_with_half_lent(found, again)
+    found = replace(found, warnings=(*notes, *found.warnings))
     further = beyond_training(bench.train_free, bench.held_free)
     return with_threshold(with_what_data_may_hide(found, records, further), threshold)
 

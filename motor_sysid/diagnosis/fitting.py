@@ -1,6 +1,7 @@
 """The single steps of a diagnosis, for those who go by hand: fit, compare, add."""
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from motor_sysid.diagnosis.candidates.proposals import proposals
 from motor_sysid.diagnosis.candidates.score import score
@@ -9,16 +10,16 @@ from motor_sysid.diagnosis.result.curves import Where
 from motor_sysid.diagnosis.search.bench import (
     base_fit,
     Bench,
-    choose_kind,
     make_bench,
     prepared,
     prepared_parts,
-    told_kind,
     with_scales,
 )
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
+from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
 from motor_sysid.diagnosis.search.refit import best_per_effect, try_effect
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
+from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest
 from motor_sysid.diagnosis.search.trial import Level, Trial
 from motor_sysid.diagnosis.where.compare import compare, Comparison, where_it_fails
 from motor_sysid.errors import UserError
@@ -61,6 +62,8 @@ def fit_model(
     -------
     The fit, with its free-running errors on the training and held-out data.
     """
+    for key in effects:
+        effect(key)
     bench, model = bench_of(
         train, validation, model, motor, nominal or {}, validation_fraction, lent=lent
     )
@@ -72,9 +75,9 @@ def fit_model(
         rung = with_better_sensor(rung, bench, rung.result.weighting)
         rung, bench = refined(rung, bench)
     if method == 'least_squares':
-        return exact(rung, bench)[0]
+        return _noted(exact(rung, bench)[0], bench)
     stretches = [s for chain in bench.train_free for s in chain if s.scored]
-    return judge(refit(rung.model, [s.record for s in stretches], method), bench)
+    return _noted(judge(refit(rung.model, [s.record for s in stretches], method), bench), bench)
 
 
 def transfer_model(
@@ -98,7 +101,7 @@ def transfer_model(
     bench, model = bench_of(train, validation, model, None, {}, validation_fraction)
     problem = Problem(model, bench.train, bench.outputs, substeps=bench.substeps, prior=prior)
     found = transfer(problem)
-    return judge(found.result, bench), found
+    return _noted(judge(found.result, bench), bench), found
 
 
 def compare_model(
@@ -157,10 +160,18 @@ def bench_of(
     wanted = told_kind([*train, *validation], wanted)
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
+    refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
+    bench = replace(bench, notes=remarks(kind, [*records, *held], model.motor if model else motor))
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
     return with_scales(bench, model), model
+
+
+def _noted(rung: Rung, bench: Bench) -> Rung:
+    """Return a fit that says of the data what is to be said."""
+    warnings = (*bench.notes, *rung.result.warnings)
+    return replace(rung, result=replace(rung.result, warnings=warnings))
 
 
 def _tried(rung: Rung, key: str, bench: Bench) -> Trial:

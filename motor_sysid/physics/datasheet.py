@@ -7,14 +7,16 @@ Everything in it is optional::
     encoder_counts_per_rev: 2000
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+import difflib
 from pathlib import Path
 
 import yaml
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.motors import motors
+from motor_sysid.physics.motors import motor, motors
+from motor_sysid.physics.motors.base import Motor
 
 _SYMBOLS = {
     'resistance_ohm': 'R',
@@ -36,6 +38,17 @@ _SYMBOLS = {
     'back_emf_constant_line_line_Vs_per_rad': 'k_e',
 }
 _KNOWN = {'motor_type', 'supply_voltage_V', 'encoder_counts_per_rev'}
+_PRINTED = {
+    'back_emf_constant_Vs_per_rad', 'torque_constant_Nm_per_A_peak', 'rated_voltage_V',
+    'rated_current_A', 'rated_current_A_peak', 'dc_link_V',
+}  # fmt: skip
+"""What sheets say beside that; no model needs it."""
+_QUANTITIES = (
+    'resistance', 'inductance', 'torque_constant', 'inertia', 'viscous_friction', 'pole_pairs',
+    'phase_resistance', 'phase_inductance', 'magnet_flux_linkage', 'rated_torque',
+)  # fmt: skip
+"""How the names of entries begin that are meant for a model."""
+_CLOSE = 0.8
 _BETWEEN_TERMINALS = '_line_line_'
 """In the name of what is measured between two terminals: twice the value of a phase."""
 _OF_A_PHASE = 'phase_'
@@ -52,10 +65,24 @@ class Datasheet:
         Motor kind, or None.
     nominal:
         Parameter symbol to value in SI; and `rated_torque` in N m.
+    unread:
+        Entries under `nominal` that are not understood.
     """
 
     motor: str | None
     nominal: Mapping[str, float]
+    unread: tuple[str, ...] = ()
+
+    @property
+    def k_e(self) -> float | None:
+        """Back-EMF constant in V s/rad, in SI the torque constant; None if unknown."""
+        return self.nominal.get('k_t')
+
+    def suits(self, kind: Motor) -> bool:
+        """Whether it may be of a motor of a kind; an axis takes inertia and friction of any."""
+        if self.motor is None or 'R' not in {p.name for p in kind.parameters}:
+            return True
+        return kind.key in (self.motor, motor(self.motor).unmeasured)
 
 
 def load_datasheet(path: str | Path) -> Datasheet:
@@ -64,8 +91,8 @@ def load_datasheet(path: str | Path) -> Datasheet:
     Raises
     ------
     UserError
-        If the file cannot be read, is not YAML, says nothing that is understood, or a value is no
-        positive number.
+        If the file cannot be read, is not YAML, says nothing that is understood, has an entry
+        that seems to mean another one, or a value is no positive number.
     """
     try:
         text = Path(path).read_text(encoding='utf-8')
@@ -78,6 +105,7 @@ def load_datasheet(path: str | Path) -> Datasheet:
     given = content.get('nominal') or {}
     if not isinstance(given, dict):
         raise UserError(f'data sheet {path}: `nominal` is not a mapping of names to numbers')
+    _refuse_misspelt(path, content, given)
     nominal = {
         _SYMBOLS[name]: _positive(path, name, value) * _per_model(name, kind)
         for name, value in given.items()
@@ -97,7 +125,46 @@ def load_datasheet(path: str | Path) -> Datasheet:
         )
     if 'supply_voltage_V' in content:
         nominal['v_free'] = _positive(path, 'supply_voltage_V', content['supply_voltage_V'])
-    return Datasheet(kind, nominal)
+    unread = tuple(str(name) for name in given if name not in _PRINTED | set(_SYMBOLS))
+    return Datasheet(kind, nominal, unread)
+
+
+def _refuse_misspelt(
+    path: str | Path, content: Mapping[str, object], given: Mapping[str, object]
+) -> None:
+    """Refuse entries that seem to mean another one; any other is for people."""
+    for name in map(str, content):
+        if meant := _close(name, {*_KNOWN, 'nominal'}):
+            raise UserError(
+                f'data sheet {path}: unknown entry `{name}`; did you mean `{meant}`?'
+            )
+        if meant := name if name in _SYMBOLS else _close(name, _SYMBOLS):
+            raise UserError(
+                f'data sheet {path}: unknown entry `{name}`; did you mean `{meant}` under '
+                '`nominal`?'
+            )
+    for name in (str(name) for name in given if name not in _PRINTED | set(_SYMBOLS)):
+        if meant := _close(name, _SYMBOLS) or _alike(name):
+            raise UserError(
+                f'data sheet {path}: unknown entry `{name}` under `nominal`; did you mean '
+                f'`{meant}`? What is for people may stand beside `nominal`'
+            )
+
+
+def _close(name: str, known: Iterable[str]) -> str:
+    """Return the known entry that another name is a slip or the symbol of, or nothing."""
+    entries = {entry.lower(): entry for entry in known}
+    if name in entries.values():
+        return ''
+    symbol = [entry for entry in entries.values() if _SYMBOLS.get(entry) == name]
+    close = difflib.get_close_matches(name.lower(), list(entries), 1, _CLOSE)
+    return symbol[0] if symbol else entries[close[0]] if close else ''
+
+
+def _alike(name: str) -> str:
+    """Return the entry for the quantity that a name begins with, or nothing."""
+    quantity = next((q for q in _QUANTITIES if name.lower().startswith(q)), None)
+    return next((entry for entry in _SYMBOLS if quantity and entry.startswith(quantity)), '')
 
 
 def _per_model(name: str, kind: object) -> float:

@@ -35,6 +35,8 @@ def save_model(model: Model, path: str | Path) -> None:
         If the file cannot be written.
     """
     target = Path(path)
+    if target.is_dir():
+        raise UserError(f'cannot write model file {target}: it is a folder; name a file in it')
     fresh = target.with_name(f'.{target.name}.part')
     try:
         fresh.write_text(dump_model(model), encoding='utf-8')

@@ -40,6 +40,8 @@ def save_calibration(calibration: Calibration, path: Path | None = None) -> Path
         If the file cannot be written.
     """
     target = path or calibration_folder() / file_name(calibration)
+    if target.is_dir():
+        raise UserError(f'cannot write calibration {target}: it is a folder; name a file in it')
     fresh = target.with_name(f'.{target.name}.{os.getpid()}.part')
     try:
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
+from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
     Chain,
@@ -20,7 +21,7 @@ from motor_sysid.estimation.batch import (
 )
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model, SpeedSensor
-from motor_sysid.physics.motors import motor, motors
+from motor_sysid.physics.motors import motor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.scales import Scales, scales_of
@@ -39,11 +40,6 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 
 MIN_SAMPLES = 200
 """Fewest samples of a record from which a diagnosis may be asked for."""
-
-DUTY_ALONE = (
-    ', or add the supply voltage that the duty cycle is a share of: a column '
-    '`supply_voltage [V]`, or `supply_voltage: {constant: 24}` in that file'
-)
 
 ROUGH_ROWS, FEW_ROWS = 10_000, 4000
 """Rows that a rough fit looks at, and rows that tell from where it begins best."""
@@ -87,6 +83,8 @@ class Bench:
         is more than rounding.
     threshold:
         Gain in BIC that evidence must have.
+    notes:
+        What is to be said of the data, whatever is found.
     """
 
     kind: Motor
@@ -107,6 +105,7 @@ class Bench:
     substeps: int = 1
     wrong: float = 0.0
     threshold: float = UNCALIBRATED
+    notes: tuple[str, ...] = ()
 
     def problem(self, model: Model) -> Problem:
         """Return the problem of fitting a model to the training data."""
@@ -139,15 +138,6 @@ def prepared(
         even = with_motion(even)
     ready = motor(wanted).prepare if wanted else None
     return ready(even, known) if ready else even
-
-
-def told_kind(records: Sequence[Record], wanted: str | None) -> str | None:
-    """Return the motor kind that is wanted, else the one that the signals of all records tell."""
-    told = (
-        key for key, kind in motors().items()
-        if kind.tells and all(name in r for name in kind.tells for r in records)
-    )  # fmt: skip
-    return wanted or next(told, None)
 
 
 def prepared_parts(
@@ -189,35 +179,6 @@ def _refuse_gaps(record: Record, names: Set[str]) -> None:
             )
 
 
-def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
-    """Return the motor kind: the wanted one, or the richest that the signals allow.
-
-    Raises
-    ------
-    UserError
-        If no kind fits the signals.
-    """
-    order = [k for k in (wanted, motor(wanted).unmeasured) if k] if wanted else list(motors())
-    for key in order:
-        kind = motor(key)
-        drivable = all(
-            any(all(name in r for name in names) for names in kind.inputs) for r in records
-        )
-        currents = [o.signal for o in kind.outputs if o.state in kind.currents]
-        electrical = all(name in r for name in currents for r in records)
-        moving = all('speed' in r or 'position' in r for r in records)
-        placed = not kind.needs_position or all('position' in r for r in records)
-        if drivable and electrical and moving and placed:
-            return kind
-    have = ', '.join(sorted(set.intersection(*(set(r) for r in records)))) or 'none in common'
-    duty = all('duty' in r for r in records)
-    raise UserError(
-        f'no motor kind fits these signals ({have}): needed are an input (voltage, torque, force '
-        'or current) and an output (speed or position); name them in a msg_config file'
-        f'{DUTY_ALONE if duty else ""}'
-    )
-
-
 def base_fit(
     records: Sequence[Record],
     kind: Motor,
@@ -227,6 +188,7 @@ def base_fit(
 ) -> FitResult:
     """Fit the linear motor, from several starts and with both kinds of speed sensor."""
     linear = all(unit_of(r) == 'm' for r in records)
+    resting = bool(kind.currents) and stands_still(records)
     widths = _widths(kind, records)
     begun = _inside(kind, kind.start(records, nominal))
     starts = [begun]
@@ -238,6 +200,7 @@ def base_fit(
             model = Model.base(
                 kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear
             )
+            model = with_rotor_held(model) if resting else model
             tried = fit_multistart(Problem(model, chains, outputs))
             if best is None or misfit(tried) < misfit(best):
                 best = tried
@@ -275,6 +238,7 @@ def make_bench(
     """
     everything = [*train, *validation]
     outputs = observed_outputs(kind, everything)
+    outputs = seen_at_rest(outputs) if stands_still(everything) else outputs
     for record in everything:
         _refuse_gaps(record, {*input_signals(record, kind), *outputs, 'position'} & set(record))
     known = model.parameters.values() if model else nominal or {}

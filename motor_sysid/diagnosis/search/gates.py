@@ -1,6 +1,7 @@
 """Whether what an effect gains is real: the gates that it must pass."""
 
 from collections.abc import Sequence
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -116,8 +117,17 @@ ALIKE = 0.9999
 def combined_error(now: Comparison, before: Comparison) -> float:
     """Return the error with each channel in units of its error under the model before."""
     old, new = before.channel_percent, now.channel_percent
-    parts = [(new[name] / max(old[name], 1e-12)) ** 2 for name in new]
-    return float(np.sqrt(np.mean(parts)))
+    ratios = [
+        _of_nothing(now, before, j) if math.isnan(old[name]) else new[name] / max(old[name], 1e-12)
+        for j, name in enumerate(new)
+    ]
+    return float(np.sqrt(np.mean([ratio**2 for ratio in ratios])))
+
+
+def _of_nothing(now: Comparison, before: Comparison, j: int) -> float:
+    """Return the error of output j in units of that before, where no percent of it is known."""
+    new, old = (np.sqrt(np.mean(np.concatenate(c.residuals)[:, j] ** 2)) for c in (now, before))
+    return float(new / max(old, 1e-300))
 
 
 def steadiness(before: Comparison, after: Comparison) -> float:

@@ -23,9 +23,10 @@ class Comparison:
     Attributes
     ----------
     error_percent:
-        RMS over channels of the channel errors.
+        RMS over channels of the channel errors that are known.
     channel_percent:
-        Output to RMS error in percent of the RMS of the measured signal.
+        Output to RMS error in percent of the RMS of the measured signal; NaN of a signal that
+        stands still all the time while another one moves.
     predictions:
         For each scored stretch, output to (N,) simulated values.
     residuals:
@@ -57,12 +58,14 @@ def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
     residuals, outputs = tuple(found), problem.outputs
     measured = tuple(stretch.judged for stretch in problem.stretches)
     channel = channel_errors(residuals, measured)
+    moving = _moving(problem)
+    channel[~moving] = np.nan
     predictions = tuple(
         {name: (m - r)[:, j] for j, name in enumerate(outputs)}
         for m, r in zip(measured, residuals, strict=True)
     )
     return Comparison(
-        float(np.sqrt(np.mean(channel**2))),
+        float(np.sqrt(np.mean(channel[moving] ** 2))),
         dict(zip(outputs, channel.tolist(), strict=True)),
         predictions,
         residuals,
@@ -77,6 +80,13 @@ def channel_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Arr
     size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
     percent: Array = 100 * error / np.maximum(size, 1e-300)
     return percent
+
+
+def _moving(problem: Problem) -> NDArray[np.bool_]:
+    """Return which (n_y,) outputs are ever anything but zero in the whole records; all if none."""
+    parts = [np.any(s.measured, axis=0) for chain in problem.chains for s in chain]
+    moving: NDArray[np.bool_] = np.any(parts, axis=0)
+    return moving if np.any(moving) else ~moving
 
 
 def where_it_fails(

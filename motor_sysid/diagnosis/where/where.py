@@ -101,12 +101,14 @@ def errors_by(
 ) -> tuple[Where, ...]:
     """Say along which axes the squared error is concentrated, combined and by channel.
 
+    A signal that is zero all the time has no size to combine its error by.
     `errors` are measured minus simulated, output to (N,) for each record.
     """
     outputs = list(errors[0])
     size = {n: max(_rms([r[n] for r in records]), 1e-300) for n in outputs}
-    squared = np.concatenate([sum((e[n] / size[n]) ** 2 for n in outputs) for e in errors])
-    squared = np.asarray(squared, dtype=np.float64) / max(len(outputs), 1)
+    sized = [n for n in outputs if any(np.any(r[n]) for r in records)] or outputs
+    squared = np.concatenate([sum((e[n] / size[n]) ** 2 for n in sized) for e in errors])
+    squared = np.asarray(squared, dtype=np.float64) / max(len(sized), 1)
     found = []
     for axis in axes.values():
         places = axis.places()

@@ -13,6 +13,7 @@ import sys
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect, load_effect
+from motor_sysid.signals.units import did_you_mean
 
 _FILES = (
     'coulomb_friction',
@@ -90,9 +91,9 @@ def effect(key: str) -> Effect:
     try:
         return catalogue()[key]
     except KeyError:
-        raise UserError(
-            f'unknown effect `{key}`; known are {", ".join(catalogue())}'
-        ) from None
+        meant = did_you_mean(key, [*catalogue(), *LEARNED])
+        known = '' if meant else f'; known are {", ".join(catalogue())}'
+        raise UserError(f'unknown effect `{key}`{meant}{known}') from None
 
 
 def add_effect_file(path: Path) -> Effect:
@@ -113,8 +114,10 @@ def add_effect_file(path: Path) -> Effect:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except (SyntaxError, ImportError, NameError) as problem:
-        raise UserError(f'effect file {path} cannot be read: {problem}') from problem
+    except (Exception, SystemExit) as problem:
+        del sys.modules[name]
+        reason = f'{type(problem).__name__}: {problem}'
+        raise UserError(f'effect file {path} cannot be read: {reason}') from problem
     added = load_effect(path.stem, module)
     catalogue()[path.stem] = added
     return added

@@ -5,6 +5,7 @@ from importlib import import_module
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.signals.units import did_you_mean
 
 _FILES = (
     'brushed_dc', 'pmsm', 'bldc', 'bldc_six_step', 'pmsm_q', 'brushed_dc_reduced',
@@ -30,4 +31,6 @@ def motor(key: str) -> Motor:
     try:
         return motors()[key]
     except KeyError:
-        raise UserError(f'unknown motor `{key}`; known are {", ".join(motors())}') from None
+        raise UserError(
+            f'unknown motor `{key}`{did_you_mean(key, motors())}; known are {", ".join(motors())}'
+        ) from None

@@ -11,6 +11,11 @@ INPUTS = ('voltage', 'voltage_q', 'duty', 'force', 'torque', 'voltage_command', 
 """Signals that drive a motor, the most direct first."""
 DRIVING_CURRENTS = ('current_q', 'current')
 """Take the place of an input where there is none (a current-controlled axis)."""
+SUPPLY = (
+    'the supply voltage that the duty cycle is a share of: a column `supply_voltage [V]`, or '
+    '`supply_voltage: {constant: 24}` in a msg_config file'
+)
+"""What makes a duty cycle an input."""
 OUTPUTS = ('speed', 'position', 'current', 'current_q', 'current_a')
 """Signals of which at least one must be measured."""
 

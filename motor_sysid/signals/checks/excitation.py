@@ -14,6 +14,7 @@ from motor_sysid.signals.checks.common import (
     OUTPUTS,
     smoothed,
     speed_of,
+    SUPPLY,
 )
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Record
@@ -40,7 +41,9 @@ def _present(records: Sequence[Record]) -> Iterator[Finding]:
     """At least one input and one output."""
     names = {name for record in records for name in record}
     driver = main_input(records[0])
-    if not driver:
+    if _is_duty_alone(records[0]):
+        yield _without_supply(records[0])
+    elif not driver:
         yield Finding(
             Severity.ERROR, 'no_input',
             f'no input among the signals ({", ".join(sorted(names))})',
@@ -64,6 +67,36 @@ def _present(records: Sequence[Record]) -> Iterator[Finding]:
             'there is nothing to compare a model with',
             'record speed, position or current',
         )  # fmt: skip
+    elif not names & {'speed', 'position', 'hall_sector'}:
+        yield Finding(
+            Severity.WARNING, 'no_motion_measured',
+            f'neither speed nor position among the signals ({", ".join(sorted(names))})',
+            'no model can be fitted to them, or compared with them',
+            'record speed or position; of a rotor that was locked, write `speed: {constant: 0}` '
+            'in a msg_config file',
+        )  # fmt: skip
+
+
+def _is_duty_alone(record: Record) -> bool:
+    """Whether a duty cycle of an unknown voltage is the only input."""
+    return [name for name in INPUTS if name in record] == ['duty']
+
+
+def _without_supply(record: Record) -> Finding:
+    """Say what comes of a duty cycle of an unknown voltage."""
+    current = next((name for name in DRIVING_CURRENTS if name in record), '')
+    if not current:
+        return Finding(
+            Severity.ERROR, 'no_input', 'a duty cycle alone is no input',
+            'nothing says which voltage drove the motor, so nothing can be simulated',
+            f'add {SUPPLY}',
+        )  # fmt: skip
+    return Finding(
+        Severity.WARNING, 'no_voltage', 'a duty cycle alone tells no voltage',
+        f'nothing is fitted, unless a mechanical axis is asked for, which {current} drives: then '
+        'only the mechanical side, per ampere',
+        f'add {SUPPLY}',
+    )  # fmt: skip
 
 
 def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:

@@ -1,0 +1,114 @@
+"""Which motor kind records are fitted with, and which of their signals it uses."""
+
+from collections.abc import Callable, Sequence
+
+from motor_sysid.diagnosis.search.standstill import stands_still, words_of_standstill
+from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch import observed_outputs
+from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.motors import motor, motors
+from motor_sysid.physics.motors.base import Motor
+from motor_sysid.signals.checks.common import DRIVING_CURRENTS, SUPPLY
+from motor_sysid.signals.record import Record
+
+
+def told_kind(records: Sequence[Record], wanted: str | None) -> str | None:
+    """Return the motor kind that is wanted, else the one that the signals of all records tell."""
+    told = (
+        key for key, kind in motors().items()
+        if kind.tells and all(name in r for name in kind.tells for r in records)
+    )  # fmt: skip
+    return wanted or next(told, None)
+
+
+def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
+    """Return the motor kind: the wanted one, or the richest that the signals allow.
+
+    A current beside a duty cycle drives a motor only where that is wanted: what the drive sets is
+    the voltage, of which the duty cycle is a share.
+
+    Raises
+    ------
+    UserError
+        If no kind fits the signals.
+    """
+    order = [k for k in (wanted, motor(wanted).unmeasured) if k] if wanted else list(motors())
+    for kind in map(motor, order):
+        if all(_fits(kind, r) for r in records) and (
+            wanted or not any(_passes_over_duty(kind, r) for r in records)
+        ):
+            return kind
+    have = ', '.join(sorted(set.intersection(*(set(r) for r in records)))) or 'none in common'
+    needed = '; or, as '.join(_needs(motor(key), wanted) for key in order)
+    told = (
+        f'a {motor(wanted).title} needs {needed}. These data have {have}; name what is missing in '
+        'a msg_config file'
+        if wanted
+        else f'no motor kind fits these signals ({have}): needed are an input (voltage, torque, '
+        'force or current) and an output (speed or position); name them in a msg_config file'
+    )
+    duty = all('duty' in r for r in records)
+    raise UserError(f'{told}{f", or add {SUPPLY}" if duty else ""}')
+
+
+def _fits(kind: Motor, record: Record) -> bool:
+    """Whether a record has all that a kind needs."""
+    drivable = any(all(name in record for name in names) for names in kind.inputs)
+    moving = 'position' in record or ('speed' in record and not kind.needs_position)
+    return drivable and moving and all(name in record for name in _currents(kind))
+
+
+def _currents(kind: Motor) -> list[str]:
+    return [o.signal for o in kind.outputs if o.state in kind.currents]
+
+
+def _passes_over_duty(kind: Motor, record: Record) -> bool:
+    return 'duty' in record and set(input_signals(record, kind)) <= set(DRIVING_CURRENTS)
+
+
+def _needs(kind: Motor, wanted: str | None) -> str:
+    """Say which signals a kind needs, with its name if it takes the place of the wanted one."""
+    inputs = ' or '.join(', '.join(names) for names in kind.inputs)
+    motion = 'position' if kind.needs_position else 'speed or position'
+    name = '' if kind.key == wanted else f'`{kind.key}`, '
+    return f'{name}{", ".join([inputs, *_currents(kind)])}, and {motion}'
+
+
+def used_signals(records: Sequence[Record], wanted: str | None) -> set[str]:
+    """Return the signals that a fit to records uses."""
+    kind = choose_kind(records, told_kind(records, wanted))
+    inputs = {name for r in records for name in input_signals(r, kind)}
+    return {*inputs, *observed_outputs(kind, records), *kind.tells}
+
+
+def passed_over(
+    records: Sequence[Record], used: Callable[[Sequence[Record]], set[str]]
+) -> tuple[str, ...]:
+    """Say which signals of some records are not used because others lack them.
+
+    `used` tells the signals that are used of some records together.
+    """
+    together = used(records)
+    owners: dict[str, list[Record]] = {}
+    for record in records:
+        for name in sorted(used([record]) - together):
+            owners.setdefault(name, []).append(record)
+    lacking = {name: [r for r in records if name not in r] for name in owners}
+    return tuple(
+        f'{_sources(lacking[name])} {"have" if len(lacking[name]) > 1 else "has"} no {name}; the '
+        f'{name} of {_sources(with_it)} is not used'
+        for name, with_it in owners.items()
+        if lacking[name]
+    )
+
+
+def _sources(records: Sequence[Record]) -> str:
+    names = dict.fromkeys(r.provenance.source or 'a record' for r in records)
+    return ', '.join(names)
+
+
+def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple[str, ...]:
+    """Say what a fit to records makes no use of, and what comes of a rotor that stands still."""
+    still = bool(kind.currents) and stands_still(records)
+    said = (words_of_standstill(kind),) if still else ()
+    return (*passed_over(records, lambda some: used_signals(some, wanted)), *said)
