@@ -292,6 +292,8 @@ def test_data_sheets_tell_phases_or_terminals(tmp_path, kind, resistance, expect
     assert sheet.nominal['L'] == inductance
     assert sheet.nominal['v_free'] == 24.0
     assert sheet.nominal.get('k_t') == (0.04 if kind == 'bldc_six_step' else None)
+    path.write_text(SHEET.replace('motor_type: {kind}', '').format(resistance=resistance))
+    assert load_datasheet(path, kind).nominal == sheet.nominal, 'as the command line names it'
 
 
 def test_the_benchmark_draws_both_kinds_and_complete_ones():

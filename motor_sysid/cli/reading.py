@@ -58,8 +58,8 @@ def load_start(args: argparse.Namespace) -> Start:
     from motor_sysid.physics.store import load_model
 
     refuse_two_motors(args)
-    sheet = load_sheet(args.nominal)
     model = load_model(args.model) if args.model else None
+    sheet = load_sheet(args.nominal, model.motor if model else args.motor)
     if sheet is None:
         return Start(model, args.motor, {})
     if model is not None and not sheet.suits(model.kind):
@@ -70,13 +70,13 @@ def load_start(args: argparse.Namespace) -> Start:
     return Start(model, args.motor or sheet.motor, sheet.nominal, sheet.k_e)
 
 
-def load_sheet(path: Path | None) -> 'Datasheet | None':
-    """Read a data sheet, if there is one; what is not understood is told on stderr."""
+def load_sheet(path: Path | None, wanted: str | None = None) -> 'Datasheet | None':
+    """Read a data sheet, if there is one, for a motor kind; what is not understood is told."""
     from motor_sysid.physics.datasheet import load_datasheet
 
     if path is None:
         return None
-    sheet = load_datasheet(path)
+    sheet = load_datasheet(path, wanted)
     if sheet.unread:
         names = ', '.join(f'`{name}`' for name in sheet.unread)
         _note(f'the data sheet {path} has {names}, which nothing here makes use of')

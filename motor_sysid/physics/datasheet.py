@@ -85,8 +85,16 @@ class Datasheet:
         return kind.key in (self.motor, motor(self.motor).unmeasured)
 
 
-def load_datasheet(path: str | Path) -> Datasheet:
+def load_datasheet(path: str | Path, wanted: str | None = None) -> Datasheet:
     """Read a data sheet.
+
+    Parameters
+    ----------
+    path:
+        The file.
+    wanted:
+        Motor kind that the values are for; by default that of the sheet.  Some kinds have those
+        of a phase, others those between two terminals.
 
     Raises
     ------
@@ -102,12 +110,13 @@ def load_datasheet(path: str | Path) -> Datasheet:
     if not isinstance(content, dict):
         raise UserError(f'data sheet {path} is not a mapping; see docs/models.md')
     kind = content.get('motor_type')
+    meant = wanted or kind
     given = content.get('nominal') or {}
     if not isinstance(given, dict):
         raise UserError(f'data sheet {path}: `nominal` is not a mapping of names to numbers')
     _refuse_misspelt(path, content, given)
     nominal = {
-        _SYMBOLS[name]: _positive(path, name, value) * _per_model(name, kind)
+        _SYMBOLS[name]: _positive(path, name, value) * _per_model(name, meant)
         for name, value in given.items()
         if name in _SYMBOLS
     }
@@ -115,7 +124,7 @@ def load_datasheet(path: str | Path) -> Datasheet:
         raise UserError(
             f'data sheet {path}: motor_type `{kind}` is not known; known are {", ".join(motors())}'
         )
-    if _whole(kind) and 'k_e' in nominal:
+    if _whole(meant) and 'k_e' in nominal:
         nominal.setdefault('k_t', nominal['k_e'])
     if not (set(content) & _KNOWN or nominal):
         raise UserError(
