@@ -48,11 +48,12 @@ def test_a_current_beside_a_duty_cycle_drives_only_what_is_asked_for() -> None:
     ('wanted', 'needed'),
     [
         (
-            'pmsm', 'a permanent magnet synchronous motor needs voltage_d, voltage_q, current_d, '
-            'current_q, and speed or position; or, as `pmsm_q`, voltage_q, current_q, and speed',
+            'pmsm', 'a permanent magnet synchronous motor needs voltage_d, voltage_q as input, '
+            'current_d, current_q, and speed or position; or, as `pmsm_q`, voltage_q as input, '
+            'current_q, and speed or position. ',
         ),
-        ('bldc', 'needs voltage_a, voltage_b, voltage_c, current_a, current_b, and position.'),
-        ('mechanical_axis', 'needs torque or force or current, and speed or position.'),
+        ('bldc', 'voltage_a, voltage_b, voltage_c as input, current_a, current_b, and position.'),
+        ('mechanical_axis', 'torque or force or current as input, and speed or position.'),
     ],
 )  # fmt: skip
 def test_a_wanted_kind_says_what_it_needs(wanted: str, needed: str) -> None:

@@ -68,7 +68,7 @@ def _passes_over_duty(kind: Motor, record: Record) -> bool:
 
 def _needs(kind: Motor, wanted: str | None) -> str:
     """Say which signals a kind needs, with its name if it takes the place of the wanted one."""
-    inputs = ' or '.join(', '.join(names) for names in kind.inputs)
+    inputs = ' or '.join(', '.join(names) for names in kind.inputs) + ' as input'
     motion = 'position' if kind.needs_position else 'speed or position'
     name = '' if kind.key == wanted else f'`{kind.key}`, '
     return f'{name}{", ".join([inputs, *_currents(kind)])}, and {motion}'
