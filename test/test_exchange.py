@@ -117,6 +117,21 @@ def test_what_held_out_data_spoke_for_more_is_asked_again(evidence, gain, keys):
     assert (other and set(other.model.effects)) == keys
 
 
+def test_a_special_case_of_what_is_there_is_not_asked_again():
+    """Brushes were better for the held-out data; now there is a dead time, which holds them."""
+    engine, _ = exchange_of()
+    base = next(now for (keys, _), (now, _) in engine.seen.items() if not keys)
+    brushes, _ = refitted('brush_voltage_drop', engine.bench, base)
+    drag, _ = refitted('quadratic_drag', engine.bench, base)
+    drag = replace(drag, delta_bic=1000.0, gain_percent=5.0, note='')
+    brushes = replace(brushes, delta_bic=990.0, gain_percent=9.0, note='')
+    engine = replace(engine, tried={state_of(base.model): [drag, brushes]})
+    model = base.model.with_effect('quadratic_drag', {}, engine.bench.scales)
+    rung = climb(model.with_effect('inverter_dead_time', {}, engine.bench.scales), engine.bench)
+    assert engine.favoured('quadratic_drag', rung) == []
+    assert engine.asked_again(rung, ['quadratic_drag'], {}) is None
+
+
 def test_what_only_the_training_data_speak_for_takes_no_place_and_is_no_rival(monkeypatch):
     engine, rung = exchange_of()
 

@@ -172,7 +172,7 @@ class Exchange:
                 near = t.passes and t.delta_bic > ALTERNATIVE * mine.delta_bic
                 if near and t.gain_percent > mine.gain_percent and not related(t, mine):
                     found.setdefault(t.key, t)
-        return [t for name, t in found.items() if name not in rung.model.effects]
+        return [t for name, t in found.items() if _goes_with(name, rung.model.effects)]
 
     def exchanged(self, key: str, trial: Trial, rung: Rung) -> Rung:
         """Return the fit in which what was tried has taken the place of an effect."""
@@ -299,6 +299,15 @@ def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:
     """
     least = MIN_FURTHER_GAIN_PERCENT if key in pair.model.effects else 0.0
     return pair.held.error_percent < (1 - least / 100) * rung.held.error_percent
+
+
+def _goes_with(key: str, others: Sequence[str]) -> bool:
+    """Whether an effect is none of some others, nor a special case or a general one of any."""
+    wide = set(effect(key).card.generalises)
+    return all(
+        key != one and one not in wide and key not in effect(one).card.generalises
+        for one in others
+    )
 
 
 def _beside(trial: Trial, rung: Rung) -> Trial:
