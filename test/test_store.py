@@ -3,7 +3,7 @@
 from dataclasses import replace
 import math
 
-from hypothesis import given, settings, strategies
+from hypothesis import example, given, settings, strategies
 import pytest
 
 from motor_sysid.errors import UserError
@@ -45,6 +45,7 @@ def models(draw):
 
 @settings(deadline=None, max_examples=40)
 @given(models())
+@example(replace(Model.base('brushed_dc'), provenance={'a\x85b': '\x85', '\u2028': '\r\n'}))
 def test_round_trip_is_exact(model):
     assert parse_model(dump_model(model)) == model
 

@@ -77,7 +77,20 @@ def dump_model(model: Model) -> str:
         'parameters': {p.name: _parameter_entry(p) for p in model.parameters},
         'provenance': {str(name): str(note) for name, note in model.provenance.items()},
     }
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True, width=99)
+    return yaml.dump(content, None, _Dumper, sort_keys=False, allow_unicode=True, width=99)
+
+
+class _Dumper(yaml.SafeDumper):
+    """Writes every text so that it is read again as it is."""
+
+
+def _represent_text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:
+    """Quote the one line break that PyYAML writes, but reads as another one."""
+    style = '"' if '\x85' in text else None
+    return dumper.represent_scalar('tag:yaml.org,2002:str', text, style)
+
+
+_Dumper.add_representer(str, _represent_text)
 
 
 def parse_model(text: str, where: str = 'model') -> Model:
