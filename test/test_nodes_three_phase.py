@@ -114,9 +114,9 @@ def test_sensors_that_are_wrong_show_it(kind: str) -> None:
     assert one.speed == pytest.approx(1.2 * true + 3.0, rel=0.03)
     of = plant(kind, hidden_effects=('current_sensor_scale',), **IDEAL,
                hidden_parameters=('current_sensor_scale.g=0.25',))  # fmt: skip
-    true_one = plant(kind, **IDEAL)
     if kind == 'brushed_dc':
-        told = [samples(each, np.full(3, 2.0))[-1].current[0] for each in (of, true_one)]
+        both = of, plant(kind, **IDEAL)
+        told = [samples(each, np.full(3, 2.0))[-1].current[0] for each in both]
         assert told[0] == pytest.approx(1.25 * told[1], rel=1e-6)
     else:  # the drive believes its sensors: less current flows
         samples(of, np.full(40, 1.0))
