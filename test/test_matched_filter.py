@@ -47,6 +47,14 @@ def test_the_order_of_a_wave_stands_out(order):
     assert gains[order] > 100
 
 
+def test_once_per_turn_stands_out_where_no_effect_of_the_catalogue_is_asked():
+    """An eccentric wheel or a weight, which the catalogue need not hold."""
+    found = matched(turning=0.4, gravity=1e-3)
+    assert found.orders(contrast=STANDS_OUT)[0] == 1
+    assert found.orders(effect('cogging_torque'))[0] != 1
+    assert 1 not in matched(turning=0.4, cogging=1e-3, order=23.0).orders(contrast=STANDS_OUT)
+
+
 def test_contrast_leaves_out_what_is_no_larger_than_its_neighbours():
     """A wave of order 23 raises what is beside it, too; chance alone makes no such contrast."""
     found = matched(turning=0.4, cogging=1e-3, order=23.0)

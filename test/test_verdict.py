@@ -523,6 +523,16 @@ def test_what_is_beyond_noise_is_taken_of_each_output():
     assert floor == pytest.approx(left.floor_percent**2, rel=1e-6)
 
 
+def test_sensors_are_no_worse_over_held_out_data_than_over_training_data():
+    """A swing of five samples looks like noise where it is; the training data have none of it."""
+    place, rng = np.arange(12_000), np.random.default_rng(12)
+    swing = np.where(place < 8_000, 0.0, 30 * np.sin(2 * np.pi / 5 * place))
+    left = remaining(12_000, swing + 3 * rng.normal(size=12_000))
+    assert left.floor['speed'] == pytest.approx(3, rel=0.1)
+    assert left.over_floor > 5
+    assert left.large
+
+
 def slow_noise(count):
     """Return noise that lasts some samples: beyond what a sensor makes, and not the motor's."""
     rng, noise = np.random.default_rng(9), np.zeros(count)
@@ -568,6 +578,14 @@ def test_waves_that_go_with_what_is_measured_are_predictable_by_their_number_per
     found = remaining(12_000, ripple, angle=angle, orders=((), (17,)))
     assert found.predictable > 0.9
     assert found.waves == (17,)
+
+
+def test_what_comes_once_per_turn_is_predictable_by_the_angle():
+    time = 1e-3 * np.arange(12_000)
+    angle = 9 * time + 2 * np.sin(3 * time) + np.cumsum(slow_noise(12_000)) * 1e-3
+    weight = 5 * np.cos(angle) + 0.1 * slow_noise(12_000)
+    assert remaining(12_000, weight, angle=angle).predictable < 0.5
+    assert remaining(12_000, weight, angle=angle, orders=((1,), ())).predictable > 0.9
 
 
 def test_what_any_strength_of_the_ridge_predicts_of_other_blocks_is_no_noise(monkeypatch):

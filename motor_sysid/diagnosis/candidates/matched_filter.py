@@ -124,7 +124,7 @@ class Matched:
             Least ratio of what an order explains to what its neighbours do (their median).
         """
         gains = self.order_gains(one)
-        lower = 2.0
+        lower = 1.0
         if one is not None:
             lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
         return _highest(gains, max(round(lower), 1), contrast)[:count]

@@ -212,8 +212,8 @@ def examine_remainder(
     other:
         As in `Remainder`.
     """
-    of_signal = noise_sigmas(validation.measured, differenced)
-    floor = np.minimum(of_signal, noise_sigmas(validation.residuals, differenced))
+    seen = (validation.measured, validation.residuals, training.residuals)
+    floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
     error = _rms(validation)
     noise = np.minimum(floor, error)
@@ -381,6 +381,6 @@ def _waves(stretch: Stretch, moved: Array, orders: Orders) -> Array:
     if not angle.size or not (plain or led):
         return np.empty((len(moved), 0))
     pair = (np.sin, np.cos)
-    columns = [f(n * angle) for n in ((1, *plain) if plain else ()) for f in pair]
+    columns = [f(n * angle) for n in (dict.fromkeys((1, *plain)) if plain else ()) for f in pair]
     columns += [f(n * angle) * y for n in led for f in pair for y in moved.T]
     return np.stack(columns, axis=1)
