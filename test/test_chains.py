@@ -3,10 +3,14 @@
 import numpy as np
 import pytest
 
+from motor_sysid.estimation.batch import Problem, start_of
 from motor_sysid.estimation.batch.chains import make_chain
+from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
+MOTOR = {'R': 1.2, 'L': 1.5e-3, 'k_t': 0.055, 'J': 8e-5, 'b': 3e-5}
 UNITS = {'voltage': 'V', 'speed': 'rad/s', 'position': 'rad', 'current': 'A'}
 
 
@@ -52,6 +56,33 @@ def test_a_start_into_a_step_is_not_read_through_it():
     state = started(5e-3, speed, current=current)
     assert state['omega'] == pytest.approx(100.0, abs=25.0)
     assert state['i'] == pytest.approx(0.5, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    'shown', [{'speed_sensor_offset': {'o': 40.0}}, {'speed_sensor_scale': {'g': 0.2}},
+              {'speed_sensor_offset': {'o': -25.0}, 'speed_sensor_scale': {'g': -0.1}}],
+)  # fmt: skip
+@pytest.mark.parametrize('start', [0, 320])
+def test_a_run_begins_at_the_speed_that_the_sensor_stands_for(shown, start):
+    """A motor at rest whose tachometer shows 40 rad/s does not begin with 40 rad/s."""
+    model = Model.base('brushed_dc', MOTOR)
+    for key, values in shown.items():
+        model = model.with_effect(key, values)
+    time = 1e-3 * np.arange(800)
+    volts = Record(time, {'voltage': 10.0 * np.sin(30.0 * time)}, {'voltage': 'V'})
+    run = simulate(model, volts)
+    columns = {'voltage': volts['voltage'], 'current': run.outputs['current'],
+               'speed': run.outputs['speed']}  # fmt: skip
+    record = Record(time, columns, {n: UNITS[n] for n in columns}).slice(start, 800)
+    outputs = ['current', 'speed']
+    problem = Problem(model, [make_chain(record, model.kind, outputs)], outputs)
+    (left,) = problem.linearize(problem.vector(), parameters=False)
+    assert np.max(np.abs(left.residual[:, 1])) < 0.5
+    place = model.kind.states.index('omega')
+    begun = np.atleast_2d(start_of(model, problem.values(problem.vector()[np.newaxis]),
+                                   problem.stretches[0]))  # fmt: skip
+    truth = simulate(Model.base('brushed_dc', MOTOR), volts).outputs['speed'][start]
+    assert begun[0, place] == pytest.approx(truth, abs=0.5)
 
 
 @pytest.mark.parametrize('given', [{'horizon': 0.5}, {'train_fraction': 0.5, 'lent': True}])

@@ -87,6 +87,22 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
     assert with_better_sensor(rung, bench, rung.result.weighting) is rung
 
 
+@pytest.mark.parametrize(
+    ('key', 'stays'), [('speed_sensor_offset', True), ('coulomb_friction', False)]
+)
+def test_counts_do_not_take_the_place_of_an_offset_that_explains_more(key, stays):
+    """They have no room for one: while it is missing, any sensor may seem better than that."""
+    bench, rung = fitted(differenced=True)
+    weighting = rung.result.weighting
+    wrong = climb(replace(rung.model, speed_sensor=SpeedSensor.IDEAL), bench)
+    much = profile_cost(wrong, bench, weighting)[0]
+    variant = SimpleNamespace(effect=effect(key))
+    scored = [SimpleNamespace(variant=variant, gain=0.99 * much, allowed=True)]
+    assert (with_better_sensor(wrong, bench, weighting, scored) is wrong) is stays
+    refused = [SimpleNamespace(variant=variant, gain=0.99 * much, allowed=False)]
+    assert with_better_sensor(wrong, bench, weighting, refused) is not wrong
+
+
 def test_a_parameter_that_is_far_off_takes_two_steps_where_noise_is_low(monkeypatch):
     bench, rung = fitted(differenced=True, noise=0.1)
     weighting, far = rung.result.weighting, {'L': 1.5 * rung.model['L']}

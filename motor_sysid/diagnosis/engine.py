@@ -225,7 +225,7 @@ class Engine:
         something with the other helps more than that sensor alone does harm.
         """
         scores = self.score(rung)
-        other = with_better_sensor(rung, self.bench, scores.weighting)
+        other = with_better_sensor(rung, self.bench, scores.weighting, scores.singles)
         doubtful = other.held.error_percent > SPOILED * rung.held.error_percent or (
             ASTRAY * other.training.error_percent > rung.training.error_percent
         )

@@ -16,10 +16,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.variants import Variant
-from motor_sysid.estimation.batch import Chain, Problem
+from motor_sysid.estimation.batch import Chain, Problem, start_of
 from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import SpeedSensor
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.rollout import Program
 
 Array = NDArray[np.float64]
@@ -117,7 +117,7 @@ def _in_model(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
     if not touches[0].variant.inherits:
         still = still[:1]  # whatever its shape, an effect that is off does nothing
     table = {name: np.array([v[name] for v in (*lanes, *still)]) for name in program.names}
-    both = run_lanes(program, problem, table)
+    both = run_lanes(program, model, problem, table)
     count = len(touches)
     return [
         [_finite((run[:, :, k] - run[:, :, min(count + k, run.shape[2] - 1)]) / touch.size)
@@ -140,11 +140,12 @@ def _switched_off(variant: Variant) -> dict[str, float]:
 
 def run_lanes(
     program: Program,
+    model: Model,
     problem: Problem,
     table: Mapping[str, Array],
     pushes: Mapping[int, Array] | None = None,
 ) -> list[Array]:
-    """Run a program over all chains; return the judged outputs of the scored stretches.
+    """Run a model's program over all chains; return the judged outputs of the scored stretches.
 
     `pushes` are by number of the stretch, counted over all chains.
     """
@@ -152,8 +153,8 @@ def run_lanes(
     for chain in problem.chains:
         given = [] if pushes is None else [pushes[first + k] for k in range(len(chain))]
         runs = program.run_chain(
-            table, [s.drive for s in chain], [s.state for s in chain], pushes=given,
-            threads=problem.threads,
+            table, [s.drive for s in chain], [start_of(model, table, s) for s in chain],
+            pushes=given, threads=problem.threads,
         )  # fmt: skip
         first += len(chain)
         results += [r[s.scored_from :] for r, s in zip(runs, chain, strict=True) if s.scored]
@@ -177,7 +178,7 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
                     pushes[number][:, 1, j, lane + 1] = _law(touches[k], name, ended)
     values = problem.model.parameters.values()
     table = {name: np.full(len(acting) + 1, values[name]) for name in problem.program.names}
-    runs = run_lanes(problem.program, problem, table, pushes)
+    runs = run_lanes(problem.program, problem.model, problem, table, pushes)
     scored = scored_paths(problem, paths)
     found = []
     for k, touch in enumerate(touches):
@@ -205,7 +206,7 @@ def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
     paths = []
     for chain in problem.chains:
         drives = [stretch.drive.told_by(model.speed_sensor) for stretch in chain]
-        runs = program.run_chain(table, drives, [stretch.state for stretch in chain])
+        runs = program.run_chain(table, drives, [start_of(model, table, s) for s in chain])
         for drive, run in zip(drives, runs, strict=True):
             states: Path = {
                 output.state: run[:, y, 0] - (model[output.bias] if output.bias else 0.0)

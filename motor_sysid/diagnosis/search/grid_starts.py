@@ -109,6 +109,6 @@ def _runs(
     for _, group in groupby(order, key=lambda k: points[k].get(pace, 0.0)):
         lanes = [{**variant.model.parameters.values(), **points[k]} for k in group]
         table = {name: np.array([lane[name] for lane in lanes]) for name in program.names}
-        found.append(run_lanes(program, problem, table))
+        found.append(run_lanes(program, variant.model, problem, table))
     back = np.argsort(order)
     return [np.concatenate(parts, axis=2)[:, :, back] for parts in zip(*found, strict=True)]

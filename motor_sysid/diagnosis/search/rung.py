@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.moments import with_best_moments
 from motor_sysid.diagnosis.where.compare import compare, Comparison, comparison_of
@@ -208,22 +209,29 @@ def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float,
     return cost - float(newton_step(gradient, curvature) @ gradient), rows
 
 
-def with_better_sensor(rung: Rung, bench: Bench, weighting: Weighting) -> Rung:
+def with_better_sensor(
+    rung: Rung, bench: Bench, weighting: Weighting, scored: Sequence[Scored] = ()
+) -> Rung:
     """Return the fit with the speed sensor that the data like better under this noise model.
 
-    An effect could otherwise win by the sensor that was tried with it.
+    An effect could otherwise win by the sensor that was tried with it.  One that is `scored`, and
+    that the other sensor has no room for, as counts have none for an offset, may explain what that
+    sensor only seems to.
     """
-    best, least = rung, profile_cost(rung, bench, weighting)[0] - bench.threshold
+    best, now = rung, profile_cost(rung, bench, weighting)[0]
+    least = now - bench.threshold
     for sensor in bench.other_sensors(rung.model):
         model = rung.model.with_speed_sensor(sensor)
-        if not within_reach(model, bench, weighting, HOPELESS * least):
+        without = (s for s in scored if s.allowed and not model.admits(s.variant.effect))
+        most = min(least, now - max((s.gain for s in without), default=0.0))
+        if not within_reach(model, bench, weighting, HOPELESS * most):
             continue
         brief = climb(model, bench, weighting, briefly=True)
-        if profile_cost(brief, bench, weighting)[0] > BEATEN * least:
+        if profile_cost(brief, bench, weighting)[0] > BEATEN * most:
             continue
         other = climb(brief.model, bench, weighting)
         cost = profile_cost(other, bench, weighting)[0]
-        if cost < least and np.isfinite(other.held.error_percent):
+        if cost < most and np.isfinite(other.held.error_percent):
             best, least = other, cost
     return best
 

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.chains import Chain
 from motor_sysid.estimation.batch.prior import Prior
+from motor_sysid.estimation.batch.starts import start_of
 from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.model import Model
@@ -147,11 +148,12 @@ class Problem:
         for _, group in groupby(self.chains, key=lambda chain: chain[0].drive.dt):
             chains = list(group)
             stretches = [stretch for chain in chains for stretch in chain]
+            begins = [start_of(self.model, table, stretch) for stretch in stretches]
             runs = self.program.run_chain(
                 table,
                 [s.drive for s in stretches],
-                [s.state if shifts is None else s.state + shifts * s.state_size
-                 for s in stretches],
+                [b if shifts is None else b + shifts * s.state_size
+                 for b, s in zip(begins, stretches, strict=True)],
                 restarts=list(accumulate(len(chain) for chain in chains)),
                 substeps=self.substeps,
                 threads=self.threads,
