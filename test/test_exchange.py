@@ -159,6 +159,17 @@ def test_a_pair_that_only_adds_an_effect_must_help_as_a_further_one(monkeypatch,
     assert (engine.better(rung, (), {}) is not None) is taken
 
 
+@pytest.mark.parametrize(('damping', 'taken'), [(0.05, True), (2.0, False)])
+def test_what_comes_to_the_limit_of_what_makes_sense_takes_no_place(monkeypatch, damping, taken):
+    """A shaft that hardly swings is none; what brought it in was superfluous in the end."""
+    engine, rung = exchange_of()
+    model = rung.model.with_effect('flexible_shaft', {'z': damping}, engine.bench.scales)
+    swinging = replace(rung, result=replace(rung.result, model=model))
+    monkeypatch.setattr(Exchange, 'found', lambda *_: rung)
+    monkeypatch.setattr(exchange, 'pruned', lambda *_, **options: swinging)
+    assert (engine.better(rung, (), {}) is swinging) is taken
+
+
 def test_what_two_alike_fits_share_is_all():
     run = ({'speed': np.sin(np.arange(50.0))},)
     still = ({'speed': np.zeros(50) + 1e-3},)

@@ -5,7 +5,7 @@ import pytest
 
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.remainder import Remainder
-from motor_sysid.diagnosis.where.uneven_records import UNEVEN, unevenness_of
+from motor_sysid.diagnosis.where.uneven_records import unevenness_of
 from motor_sysid.signals.record import Record
 
 
@@ -47,7 +47,7 @@ def test_the_worst_record_counts(sizes, expected):
 def test_less_than_sensor_noise_is_no_measure():
     """An encoder at rest has no error at all, which makes no other record a bad one."""
     found = unevenness_of(comparison(1e-6, 1), comparison(1), (chains(2), chains(1)), np.ones(2))
-    assert found < UNEVEN / 1.5
+    assert found < 1.2
 
 
 def test_records_under_control_are_compared_apart():

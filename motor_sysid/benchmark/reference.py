@@ -9,7 +9,7 @@ from motor_sysid.benchmark.outcome import Result
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.physics.effects import catalogue
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 
 
 def with_reference(result: Result, case: Case, diagnosis: Diagnosis) -> Result:
@@ -23,6 +23,8 @@ def with_reference(result: Result, case: Case, diagnosis: Diagnosis) -> Result:
     if any(key not in catalogue() for key in effects):
         return result
     model = diagnosis.steps[0].model
+    if not all(model.admits(catalogue()[key]) for key in effects):
+        model = model.with_speed_sensor(SpeedSensor.IDEAL)  # counts have no offset
     model = model.with_values(
         {n: v for n, v in true_base_values(case, effects).items() if n in model.parameters}
     )

@@ -143,7 +143,6 @@ class Engine:
                     continue
                 other = None if reconsidered else self.exchange().better(rung, start, rivals)
                 if other is not None:
-                    other = pruned(other, self.bench, self.gains, self.tell, last=True)
                     rung, reconsidered = self.refine(other), True
                     continue
                 room = len(ladder) < self.settings.max_effects and not explains(rung, ladder[0][0])

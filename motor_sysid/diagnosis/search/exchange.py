@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 from motor_sysid.diagnosis.candidates.score import Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
-from motor_sysid.diagnosis.search.gates import is_impossible, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.search.gates import at_limit, is_impossible, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.ranking import (
     margin_of,
     may_rival,
@@ -83,8 +84,21 @@ class Exchange:
     ) -> Rung | None:
         """Return a better model in which one effect gives way to another one, or to two.
 
-        Another effect that does as well is noted in `rivals`.
+        What is superfluous then has gone; none is returned that comes to an effect at the limit
+        of what makes sense, which would not be added alone either.  Another effect that does as
+        well is noted in `rivals`.
         """
+        other = self.found(rung, start, rivals)
+        if other is None:
+            return None
+        other = pruned(other, self.bench, self.gains, self.tell, last=True)
+        new = set(other.model.effects) - set(rung.model.effects)
+        return None if any(at_limit(other.model, key) for key in new) else other
+
+    def found(
+        self, rung: Rung, start: Sequence[str], rivals: dict[str, tuple[str, ...]]
+    ) -> Rung | None:
+        """Return what `better` looks at."""
         own = [key for key in rung.model.effects if key not in start]
         other = self.asked_again(rung, own[:-1], rivals)
         if other is not None:

@@ -159,13 +159,13 @@ def _steadiness(gains: Array) -> float:
     return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
-def _at_limit(model: Model, one: Effect) -> str:
+def at_limit(model: Model, key: str) -> str:
     """Return a ratio among the effect's shapes that lies on its upper bound, or nothing.
 
     Times, speeds and angles are bounded by what the records show; a ratio by what it means.
     """
-    for shape in one.card.shapes:
-        p = model.parameters[f'{one.key}.{shape.name}']
+    for shape in effect(key).card.shapes:
+        p = model.parameters[f'{key}.{shape.name}']
         if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
             return f'{shape.name} ({shape.description})'
     return ''
@@ -366,7 +366,7 @@ def gate_note(
         return UNCERTAIN
     if _stands_still(new.model, scored.variant.effect, duration):
         return 'swings less than once within a record'
-    if limit := _at_limit(new.model, scored.variant.effect):
+    if limit := at_limit(new.model, key):
         return f'{limit} is at the limit of what makes sense'
     if lost := _missed(new, old):
         return f'{lost} {TAKES_OVER}'

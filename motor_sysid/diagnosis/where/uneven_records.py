@@ -17,7 +17,7 @@ from motor_sysid.estimation.batch.methods.reference import moving_references
 
 Array = NDArray[np.float64]
 
-UNEVEN = 2.0
+UNEVEN = 1.5
 """Ratio of the errors of two records from which on the model lacks something; complete models with
 random loads reach 1.2."""
 
