@@ -418,6 +418,22 @@ def test_what_takes_the_place_of_the_back_emf_is_none():
     assert gone(known.with_values({'L': least}), known) == '', 'too small to be seen'
 
 
+@pytest.mark.parametrize(
+    ('share', 'sigma', 'beside', 'missed'),
+    [(5e-3, 0.02, True, True), (5e-3, 1e-3, True, False), (5e-3, 0.02, False, False),
+     (0.02, 0.05, True, False)],
+)  # fmt: skip
+def test_a_further_effect_does_not_do_away_with_a_friction_that_was_known(
+    share, sigma, beside, missed
+):
+    """Iron loss beside Stribeck friction took in a friction whose shape was not quite right."""
+    old = with_effect('stribeck_friction', {}) if beside else Model.base('brushed_dc', MOTOR)
+    b = old['b']
+    old = old.with_estimates({}, {'b': 0.05 * b})
+    new = old.with_values({'b': share * b}).with_estimates({}, {'b': sigma * b})
+    assert (gone(new, old) != '') is missed
+
+
 @pytest.mark.parametrize(('frequency', 'says'), [(0.05, 'less than once'), (0.2, '')])
 def test_a_periodic_load_comes_back_within_a_record(frequency, says):
     """The record of `note` lasts 10 s."""

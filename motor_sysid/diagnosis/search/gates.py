@@ -64,8 +64,9 @@ MIN_STEADY = 0.75
 """Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
 they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
 
-NOTHING_LEFT = 1e-3
-"""Parameter of the motor over what it was, below which it is nothing."""
+NOTHING_LEFT, NEXT_TO_NOTHING = 1e-3, 1e-2
+"""Parameter of the motor over what it was, below which it is nothing; beside effects that were
+there before also if it cannot be told from nothing then."""
 
 ALL_BUT_A_TRIFLE = 0.99
 """Share of the squared held-out error that effects must explain with which a friction of the motor
@@ -190,7 +191,9 @@ def gone(new: Model, old: Model) -> str:
             continue
         if '.' in p.name or p.unit == 'H':
             continue
-        nothing = p.on_bound or p.value < NOTHING_LEFT * was.value
+        untold = bool(old.effects) and p.sigma is not None and p.sigma > p.value
+        left = NEXT_TO_NOTHING if untold else NOTHING_LEFT
+        nothing = p.on_bound or p.value < left * was.value
         if p.logarithmic and nothing and was.sigma < KNOWN * was.value:
             return f'{p.name} ({p.description})'
     return ''
