@@ -35,6 +35,18 @@ def test_even_friction_needs_no_law_for_each_direction():
     assert said == ['coulomb_friction does in place of asymmetric_coulomb_friction']
 
 
+def test_what_was_added_on_a_law_that_was_too_wide_goes_with_it():
+    """The last effect stays otherwise: it has just passed."""
+    rung, bench = fitted({'coulomb_friction': {'tau_c': TAU}})
+    last = rung.model.with_effect('quadratic_drag', {'k_d': 1e-10}, bench.scales)
+    said = []
+    slim = pruned(climb(last, bench), bench, {}, said.append)
+    assert slim.model.effects == ('coulomb_friction', 'brush_voltage_drop')
+    assert said[-1] == 'dropping quadratic_drag: no longer needed'
+    kept = climb(slim.model.with_effect('quadratic_drag', {'k_d': 1e-10}, bench.scales), bench)
+    assert pruned(kept, bench, {}, said.append) is kept
+
+
 def test_uneven_friction_keeps_its_law():
     rung, bench = fitted({'asymmetric_coulomb_friction': UNEVEN})
     assert pruned(rung, bench, {}, lambda text: None) is rung

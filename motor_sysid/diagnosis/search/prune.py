@@ -44,6 +44,8 @@ def pruned(
 ) -> Rung:
     """Drop effects that the last one has made superfluous, and narrow those that are too wide.
 
+    What was added on a law that was too wide may be superfluous beside the right one.
+
     Parameters
     ----------
     rung, bench:
@@ -57,6 +59,7 @@ def pruned(
         Whether the last effect may go as well: what a coarse integration did wrong may have looked
         like it.
     """
+    narrowed_one = False
     for key in rung.model.effects if last else rung.model.effects[:-1]:
         if key not in rung.model.effects:
             continue
@@ -73,9 +76,9 @@ def pruned(
             if slim is not rung:
                 tell(f'{special} does in place of {key}')
                 gains[special] = gains.get(key, 0.0)
-                rung = slim
+                rung, narrowed_one = slim, True
                 break
-    return rung
+    return pruned(rung, bench, gains, tell, last=True) if narrowed_one and not last else rung
 
 
 def numbered(model: Model, scales: Scales) -> Model:
