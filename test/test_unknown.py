@@ -10,7 +10,7 @@ from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.result.figures import with_unit
+from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import Unknown
 from motor_sysid.diagnosis.where.shapes import shapes_of, standing_orders
 from motor_sysid.diagnosis.where.unknown import unknown_of
@@ -192,6 +192,15 @@ def test_every_shape_has_amplitude_one_at_most_on_its_axis():
 )
 def test_numbers_have_a_prefix_where_that_is_usual(value, unit, text):
     assert with_unit(value, unit) == text
+
+
+@pytest.mark.parametrize(
+    ('one', 'other', 'texts'),
+    [(12.3, 1.15, ('12.3', '1.15')), (14.832, 14.817, ('14.83', '14.82')),
+     (14.8502, 14.8503, ('14.9', '14.9')), (10.85, 10.88, ('10.8', '10.9'))],
+)  # fmt: skip
+def test_two_numbers_have_digits_enough_to_differ(one, other, texts):
+    assert apart(one, other) == texts
 
 
 @pytest.mark.slow

@@ -6,6 +6,18 @@ _PREFIXES = ((1e6, 'M'), (1e3, 'k'), (1.0, ''), (1e-3, 'm'), (1e-6, 'µ'), (1e-9
 _NONE = ('1', 'rad', '%', '')
 _WHOLE = ('kg', 'ohm', '1/')
 
+DIGITS, MOST_DIGITS = 3, 6
+"""Digits of a number; more only so that two of them differ."""
+
+
+def apart(one: float, other: float) -> tuple[str, str]:
+    """Return two numbers with so many digits that they differ: ``('14.85', '14.83')``."""
+    for digits in range(DIGITS, MOST_DIGITS):
+        texts = f'{one:.{digits}g}', f'{other:.{digits}g}'
+        if texts[0] != texts[1]:
+            return texts
+    return f'{one:.{DIGITS}g}', f'{other:.{DIGITS}g}'
+
 
 def with_unit(value: float, unit: str, digits: int = 3) -> str:
     """Return a value with its unit, prefixed where that is usual: ``3.1 mN m``."""

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from motor_sysid.diagnosis.result.figures import with_unit
+from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import Evidence, WrongParameter
 from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.refit import parameters_of
@@ -110,7 +110,7 @@ def _evidence(
     words = (
         f'{found.title} ({_values(parameters)}): evidence dBIC {found.delta_bic:.3g}; {taken}, '
         f'and the held-out error {"falls" if gain >= 0 else "rises"} by {abs(gain):.2g} % '
-        f'({old:.3g} to {new:.3g} %).'
+        f'({" to ".join(apart(old, new))} %).'
         f'{why and f" {why}"}'
     )
     return Evidence(found.effect, found.title, found.delta_bic, share, gain, parameters,

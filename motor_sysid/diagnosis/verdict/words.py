@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from motor_sysid.diagnosis.result.figures import with_unit
+from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import (
     BlindSpot,
     Evidence,
@@ -171,9 +171,11 @@ def named(
     first, last = ladder[0], ladder[-1]
     added = [k for k in last.model.effects if k not in first.model.effects]
     names = ' and '.join(effect(k).card.title for k in added) or 'nothing'
+    before, after = first.validation_error_percent, last.validation_error_percent
+    was, now = apart(before, after)
     lines = [
-        f'Missing: {names}. With {"them" if len(added) > 1 else "it"} the held-out error falls '
-        f'from {first.validation_error_percent:.3g} to {last.validation_error_percent:.3g} %; '
+        f'Missing: {names}. With {"them" if len(added) > 1 else "it"} the held-out error '
+        f'{"falls" if after < before else "goes"} from {was} to {now} %; '
         f'sensor noise alone makes {left.floor_percent:.3g} %.'
     ]
     lines += [one.words for one in evidence]
