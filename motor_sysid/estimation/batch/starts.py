@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.chains import Stretch
-from motor_sysid.physics.effect import arguments
+from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -27,33 +27,28 @@ def start_of(model: Model, table: Mapping[str, Array], stretch: Stretch) -> Arra
     stretch:
         Where the run begins, as shown.
     """
-    effects = [model.effect(key) for key in model.effects]
-    columns = {}
+    effects = [one for one in map(model.effect, model.effects) if not one.card.states]
+    state = stretch.state
     for output in model.kind.outputs:
         place, name = model.kind.states.index(output.state), f'{output.signal}_sensor'
-        laws = [
-            (one.key, one.laws[name])
-            for one in effects
-            if name in one.laws and not one.card.states
-        ]
-        if laws and place in stretch.open_states and output.signal in stretch.record:
-            low, high = np.sum(
-                [
-                    [
-                        law(*[
-                            state if n == output.state else table[f'{key}.{n}']
-                            for n in arguments(law)
-                        ])
-                        for state in (0.0, 1.0)
-                    ]
-                    for key, law in laws
-                ],
-                axis=0,
-            )  # fmt: skip
-            columns[place] = (stretch.state[place] - low) / (1.0 + high - low)
-    if not columns:
-        return stretch.state
-    state = np.tile(stretch.state, (len(next(iter(columns.values()))), 1))
-    for place, values in columns.items():
-        state[:, place] = values
+        sensing = [one for one in effects if name in one.laws]
+        if sensing and place in stretch.open_states and output.signal in stretch.record:
+            low, high = (
+                sum(_added(one, name, table, {output.state: at}) for one in sensing)
+                for at in (0.0, 1.0)
+            )
+            begun = (stretch.state[place] - low) / (1.0 + high - low)
+            state = np.tile(state, (np.size(begun), 1)) if state.ndim == 1 else state
+            state[:, place] = begun
     return state
+
+
+def _added(
+    one: Effect, name: str, table: Mapping[str, Array], state: Mapping[str, float]
+) -> Array | float:
+    """Return what a law of an effect adds to a reading at a state, for (P,) parameters."""
+    law = one.laws[name]
+    added: Array | float = law(
+        *[state[n] if n in state else table[f'{one.key}.{n}'] for n in arguments(law)]
+    )
+    return added
