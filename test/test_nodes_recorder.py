@@ -16,6 +16,7 @@ from rosgraph_msgs.msg import Clock
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.intake import message_class
 from motor_sysid.nodes.loop import Loop
+from motor_sysid.nodes.monitor import Monitor
 from motor_sysid.nodes.publishing import DiagnosticsPublisher, LATCHED, SECOND, vector_publisher
 from motor_sysid.nodes.recorder import RecorderNode, TIMELESS
 from motor_sysid.nodes.replay import recorded_configurations
@@ -134,3 +135,31 @@ def test_a_topic_that_is_refused_is_not_listened_to(
     recording.turn(lambda: '/goals' in recording.node._refused, 'the refusal')
     assert '/goals' not in recording.node._topics
     wait_for(lambda: publisher.get_subscription_count() == 0, 'its end')
+
+
+def test_a_recorder_counts_what_it_heard_of_each_topic_and_a_monitor_waits_for_it(
+    record: Callable[..., Recording], other: Node
+) -> None:
+    volts = vector_publisher(other, 'motor/voltage', 'dc')
+    amperes = vector_publisher(other, 'motor/current', 'dc')
+    recording = record()
+    topics = recording.node._topics
+    names = {'/motor/voltage', '/motor/current'}
+    recording.turn(lambda: names <= set(topics), 'the topics')
+    recording.turn(lambda: all(topics[n].publishers for n in names), 'a match')
+    with Monitor() as monitor:
+
+        def nothing_on() -> set[str]:
+            begin = 'recorder has heard nothing on '
+            return {t.removeprefix(begin) for t in monitor.unheard() if t.startswith(begin)}
+
+        recording.turn(lambda: monitor.unheard() and monitor._recorded, 'the status')
+        assert nothing_on() == {*names, '/motor/speed'}
+        volts.publish(0, 1.0, 0.0, 0.0)
+        recording.turn(lambda: nothing_on() == {'/motor/current', '/motor/speed'}, 'a count')
+        for k in range(3):
+            amperes.publish(k, 1.0, 0.0, 0.0)
+        recording.turn(lambda: nothing_on() == {'/motor/speed'}, 'the other')
+        recording.turn(
+            lambda: monitor.unheard() and monitor._recorded['/motor/current'] == '3', 'all of it'
+        )

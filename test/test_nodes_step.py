@@ -1,6 +1,6 @@
 """A step of the identifier is short whatever waits, and nothing is lost for that."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import SimpleNamespace
 
 import pytest
@@ -11,6 +11,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 from ros_harness import wait_for
+from std_srvs.srv import Trigger
 
 from motor_sysid.nodes.identifier import IdentifierNode, MOST_WAITING, TAKEN
 from motor_sysid.nodes.publishing import joint_publisher, SECOND, vector_publisher
@@ -28,25 +29,33 @@ def identifier(context: Context) -> Iterator[IdentifierNode]:
     node.destroy_node()
 
 
-def send(other: Node, identifier: IdentifierNode) -> None:
-    """Publish `COUNT` samples at 1 kHz, all before the identifier looks."""
+def sender(other: Node, identifier: IdentifierNode) -> Callable[[int, int], None]:
+    """Return what publishes samples of these numbers at 1 kHz, all before the identifier looks."""
     volts = vector_publisher(other, 'motor/voltage', 'dc')
     amperes = vector_publisher(other, 'motor/current', 'dc')
     speed = joint_publisher(other, 'motor/speed', 'motor', ('position', 'velocity'))
     wait_for(lambda: identifier.step() or identifier._pipeline is not None, 'the topics')
     wait_for(lambda: all(t.publishers for t in identifier._topics), 'a match')
-    for k in range(COUNT):
-        stamp = 5 * SECOND + k * SECOND // 1000
-        wave = 1.0 if k // 50 % 2 else -1.0
-        volts.publish(stamp, 6.0 * wave, 0.0, 0.0)
-        amperes.publish(stamp, 0.3 * wave + 0.001 * (k % 7), 0.0, 0.0)
-        speed.publish(stamp, 0.01 * k, 40.0 * wave + 0.1 * (k % 5))
+
+    def send(start: int, stop: int) -> None:
+        for k in range(start, stop):
+            wave = 1.0 if k // 50 % 2 else -1.0
+            volts.publish(stamp(k), 6.0 * wave, 0.0, 0.0)
+            amperes.publish(stamp(k), 0.3 * wave + 0.001 * (k % 7), 0.0, 0.0)
+            speed.publish(stamp(k), 0.01 * k, 40.0 * wave + 0.1 * (k % 5))
+
+    return send
+
+
+def stamp(k: int) -> int:
+    """Return the stamp of that sample, ns."""
+    return 5 * SECOND + k * SECOND // 1000
 
 
 def test_a_backlog_is_worked_off_in_short_steps(
     other: Node, identifier: IdentifierNode, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    send(other, identifier)
+    sender(other, identifier)(0, COUNT)
     pipeline, budgets, sent = identifier._pipeline, [], []
     advance, post = pipeline.advance, identifier._post
     monkeypatch.setattr(
@@ -89,7 +98,7 @@ def test_a_backlog_is_worked_off_in_short_steps(
 def test_while_work_waits_the_next_step_is_due_at_once(
     other: Node, identifier: IdentifierNode
 ) -> None:
-    send(other, identifier)
+    sender(other, identifier)(0, COUNT)
     wait_for(lambda: identifier.step() or identifier._topics[0].received, 'the first')
     steps = []
     while identifier.hurry:
@@ -97,6 +106,25 @@ def test_while_work_waits_the_next_step_is_due_at_once(
         steps.append(1)
     assert len(identifier._pipeline.window) > 1
     assert len(steps) > COUNT / TAKEN / 4
+
+
+def test_what_came_before_a_reset_is_not_its_first_sample(
+    other: Node, identifier: IdentifierNode
+) -> None:
+    send = sender(other, identifier)
+    send(0, 100)
+    wait_for(lambda: identifier.step() or len(identifier._pipeline.window), 'the first')
+    assert identifier._pipeline.stream.first_stamp == stamp(0)
+
+    def left_out() -> bool:
+        assert identifier._on_reset(Trigger.Request(), Trigger.Response()).success
+        return all(topic.received == 100 for topic in identifier._topics)
+
+    wait_for(left_out, 'what is under way')
+    assert not len(identifier._pipeline.window)
+    send(100, 200)
+    wait_for(lambda: identifier.step() or len(identifier._pipeline.window) == 100, 'the rest')
+    assert identifier._pipeline.stream.first_stamp == stamp(100)
 
 
 def test_more_messages_than_may_wait_go_at_once(identifier: IdentifierNode) -> None:

@@ -330,6 +330,8 @@ class IdentifierNode(LoopNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pipeline is not None:
+            while self._take(self._pipeline):  # what came before the call is not the next sample
+                pass
             self._pipeline.reset()
         self._work.reset()
         response.success, response.message = True, 'starts anew with the next sample'

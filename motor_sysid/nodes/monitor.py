@@ -103,6 +103,10 @@ class Monitor:
         self._diagnosis = RawTopic(
             self._node, '/identifier/diagnosis', 'diagnostic_msgs/msg/DiagnosticArray', few
         )
+        self._health = RawTopic(
+            self._node, '/diagnostics', 'diagnostic_msgs/msg/DiagnosticArray', few
+        )
+        self._recorded: Mapping[str, str] = {}
         self._read_speed = FieldReader(JOINT, (*STAMP, 'velocity[0]')).read
         self._read_reference = FieldReader(VECTOR, (*STAMP, 'vector.x')).read
         self._read_residual = FieldReader(JOINT, ('velocity[0]', 'effort[0]')).read
@@ -130,8 +134,11 @@ class Monitor:
     def unheard(self, but: Collection[str] = ()) -> list[str]:
         """Return what still hinders the start, as ``node does not listen to topic``.
 
-        Topics in `but` need not be heard yet.
+        Who listens need not be heard by the publisher yet, so the recorder must also have got
+        something of what the identifier is given.  Topics in `but` need not be heard yet.
         """
+        for message in self._health.drain():
+            self._recorded = _values(message.data, 'recorder') or self._recorded
         missing = []
         for topic, names in self._listeners.items():
             if topic in but:
@@ -140,6 +147,8 @@ class Monitor:
             missing += [
                 f'{name} does not listen to {topic}' for name in names if name not in there
             ]
+            if 'identifier' in names and self._recorded.get(topic, '0') == '0':
+                missing.append(f'recorder has heard nothing on {topic}')
         return missing
 
     def wait_until_heard(
@@ -232,6 +241,12 @@ class Monitor:
         for stamp in list(self._speeds)[:-2000]:
             del self._speeds[stamp]
         self._seen = replace(self._seen, elapsed=elapsed, reference=reference)
+
+
+def _values(data: bytes, name: str) -> dict[str, str]:
+    message = deserialize_message(data, DiagnosticArray)
+    found = [status.values for status in message.status if status.name == name]
+    return {str(pair.key): str(pair.value) for values in found for pair in values}
 
 
 def _verdict(data: bytes) -> str:

@@ -210,7 +210,8 @@ class Pipeline:
         return events
 
     def reset(self) -> None:
-        """Start anew with the next sample."""
+        """Start anew with the next sample that is complete; what was pushed and waits is left out."""
+        self.collect()
         self._ready.clear()
         self._last = NEVER
         self.stream.reset()

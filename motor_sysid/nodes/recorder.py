@@ -148,6 +148,7 @@ class RecorderNode(LoopNode):
             'messages': self._bag.written,
             'topics': len(self._topics),
             'lost': self._lost(),
+            **{topic.resolved: topic.received for topic in self._topics.values()},
         }
         lost = 'messages were lost' if values['lost'] else ''
         trouble = TIMELESS if self._timeless else lost
