@@ -210,7 +210,7 @@ class Pipeline:
         return events
 
     def reset(self) -> None:
-        """Start anew with the next sample that is complete; what was pushed and waits is left out."""
+        """Start anew with the next complete sample; what was pushed and waits is left out."""
         self.collect()
         self._ready.clear()
         self._last = NEVER
