@@ -200,7 +200,7 @@ def test_where_the_last_fit_needs_no_effect_any_more_the_model_before_is_the_las
 
     base, one = fitted(), fitted('quadratic_drag')
     monkeypatch.setattr(module, 'exact', lambda rung, bench: (rung, bench))
-    monkeypatch.setattr(module, 'is_idle', lambda *_: False)
+    monkeypatch.setattr(module, 'why_idle', lambda *_: '')
     monkeypatch.setattr(module, 'is_told', lambda *_: False)
     monkeypatch.setattr(module, 'pruned', lambda *_, **options: fitted())
     engine = SimpleNamespace(bench=None, gains={}, notes=[], tell=None)

@@ -14,11 +14,13 @@ from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
 from motor_sysid.diagnosis.search.gates import (
     gate_note,
     gone,
-    is_idle,
     misfit_of_laws,
     TAKES_OVER,
     TOO_LITTLE,
+    TRIFLE,
+    UNCERTAIN,
     UNPHYSICAL,
+    why_idle,
 )
 from motor_sysid.diagnosis.search.rounds import accounted
 from motor_sysid.diagnosis.search.rung import (
@@ -300,14 +302,44 @@ def test_what_may_be_nothing_in_the_last_fit_and_does_next_to_nothing_is_idle(
     before, error, sigma, idle
 ):
     """A first effect must bring 1 % of the error, a further one 5 %, and one that is not seen."""
-    def fitted(model, percent):
-        held = SimpleNamespace(channel_percent={'speed': percent})
-        return SimpleNamespace(model=model, held=held)
-
     old = with_effect(before, {'tau_c': 1e-3}) if before else Model.base('brushed_dc', MOTOR)
     model = old.with_effect('quadratic_drag', {'k_d': 1e-8})
     model = model.with_estimates({}, {'quadratic_drag.k_d': sigma * 1e-8})
-    assert is_idle(fitted(model, error), fitted(old, 5.0), 'quadratic_drag') is idle
+    found = why_idle(last_fit(model, error), last_fit(old, 5.0), 'quadratic_drag')
+    assert found == (UNCERTAIN if idle else '')
+
+
+def last_fit(model, held, training=5.0):
+    return SimpleNamespace(
+        model=model,
+        held=SimpleNamespace(channel_percent={'speed': held}, error_percent=held),
+        training=SimpleNamespace(error_percent=training),
+    )
+
+
+@pytest.mark.parametrize(
+    ('before', 'key', 'held', 'training', 'why'),
+    [
+        ('coulomb_friction', 'quadratic_drag', 4.998, 4.998, TRIFLE),
+        ('coulomb_friction', 'quadratic_drag', 4.99, 5.0, ''),
+        ('coulomb_friction', 'quadratic_drag', 4.998, 4.99, ''),
+        ('coulomb_friction', 'quadratic_drag', 5.01, 4.99, ''),
+        ('', 'quadratic_drag', 4.998, 5.0, ''),  # the gates have asked for more
+        ('coulomb_friction', 'armature_inductance', 5.0, 5.0, ''),  # every motor has one
+    ],
+)
+def test_a_further_effect_that_lowers_no_error_to_speak_of_is_idle(
+    before, key, held, training, why
+):
+    """Either falls by 0.2 % of the signal at least, or the held-out one by a thousandth."""
+    kind = 'brushed_dc_reduced' if key == 'armature_inductance' else 'brushed_dc'
+    values = {p.name: MOTOR.get(p.name, 1.0) for p in motor(kind).parameters}
+    old = Model.base(kind, values)
+    old = old.with_effect(before, {'tau_c': 1e-3}) if before else old
+    name = effect(key).card.amplitudes[0].name
+    model = old.with_effect(key, {name: 1e-6})
+    model = model.with_estimates({}, {f'{key}.{name}': 1e-8})
+    assert why_idle(last_fit(model, held, training), last_fit(old, 5.0), key) == why
 
 
 def test_an_amplitude_counts_for_its_shapes_as_they_are():

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis.search.gates import LEAST_CERTAINTY
+from motor_sysid.diagnosis.search.gates import FAITHFUL, LEAST_CERTAINTY
 from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.model import SpeedSensor
@@ -50,6 +50,37 @@ def test_what_was_added_on_a_law_that_was_too_wide_goes_with_it():
 def test_uneven_friction_keeps_its_law():
     rung, bench = fitted({'asymmetric_coulomb_friction': UNEVEN})
     assert pruned(rung, bench, {}, lambda text: None) is rung
+
+
+@pytest.mark.parametrize(
+    ('gain', 'held', 'kept'), [(1e6, 'even', False), (1e6, 'uneven', True), (1e4, 'even', True)]
+)
+def test_what_no_law_has_right_is_no_evidence_against_a_special_case_that_runs_better(
+    gain, held, kept
+):
+    """Friction uneven by some 1 % in training data, and in held-out ones or not."""
+    rng, off = np.random.default_rng(4), 8e-3
+    uneven = {'tau_c_plus': (1 + off) * TAU, 'tau_c_minus': (1 - off) * TAU}
+    hidden = {
+        'uneven': {'asymmetric_coulomb_friction': uneven},
+        'even': {'coulomb_friction': {'tau_c': TAU}},
+    }
+    runs = {
+        name: [measure(a_motor(law), voltage_profile('steps', 4.0, rng), rng) for _ in range(2)]
+        for name, law in hidden.items()
+    }
+    bench, base = prepared(runs['uneven'], SpeedSensor.DIFFERENCE, held=runs[held])
+    model = base.model.with_effect('asymmetric_coulomb_friction', uneven, bench.scales)
+    rung = climb(model, bench)
+    slim = narrowed(rung.model, 'asymmetric_coulomb_friction', 'coulomb_friction', bench.scales)
+    costs = [
+        profile_cost(one, bench, rung.result.weighting)[0]
+        for one in (climb(slim, bench, rung.result.weighting), rung)
+    ]
+    assert bench.threshold + 10 < costs[0] - costs[1] < FAITHFUL**2 * 1e6
+    gains = {'asymmetric_coulomb_friction': gain}
+    left = pruned(rung, bench, gains, lambda text: None, last=True).model.effects
+    assert left == (('asymmetric_coulomb_friction',) if kept else ('coulomb_friction',))
 
 
 @pytest.mark.parametrize(('drop', 'kept'), [(6e-3, False), (2e-2, True)])

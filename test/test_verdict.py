@@ -168,6 +168,21 @@ def test_an_effect_of_uncertain_size_may_rival(note, rival):
     assert may_rival(trial('input_delay', 995.0, note=note)) is rival
 
 
+@pytest.mark.parametrize(
+    ('gain', 'note', 'rival'),
+    [
+        (0.4, f'{TOO_LITTLE} 0.2 % only', True), (0.4, f'{TOO_LITTLE} nothing', False),
+        (40.0, f'{TOO_LITTLE} 0.2 % only', False), (0.4, NO_EVIDENCE, False),
+    ],
+)  # fmt: skip
+def test_where_held_out_data_say_little_of_the_winner_they_rule_out_no_rival(gain, note, rival):
+    """They lower its error by less than 1 %, and that of the other by less still."""
+    best = trial('coulomb_friction', 1000.0, gain=gain)
+    other = trial('iron_loss', 1100.0, note=note, gain=0.2 if '0.2' in note else -0.1)
+    assert may_rival(other, best) is rival
+    assert not may_rival(other)
+
+
 def test_a_special_case_is_no_rival():
     best = trial('stribeck_friction', 1000.0)
     assert rivals_of(best, [best, trial('coulomb_friction', 999.0)], BASE) == ()

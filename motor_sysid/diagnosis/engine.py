@@ -10,7 +10,7 @@ from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
-from motor_sysid.diagnosis.search.gates import is_idle, is_told, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.search.gates import is_told, MIN_FURTHER_GAIN_PERCENT, why_idle
 from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
@@ -163,7 +163,7 @@ class Engine:
         What else does as well is noted in `rivals`.
         """
         winner = winner_of([t for t in trials if t.passes])
-        rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t)], rung)
+        rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t, winner)], rung)
         self.gains[winner.key] = winner.delta_bic
         self.tell(
             f'adding {winner.scored.variant.effect.card.title}: held-out error '
@@ -302,17 +302,16 @@ class Engine:
         return None
 
     def settle(self, ladder: Ladder, start: Sequence[str]) -> None:
-        """Fit the last model exactly, and take back what then cannot be told from nothing."""
+        """Fit the last model exactly, and take back what then is nothing, or next to it."""
         while len(ladder) > 1:
             rung, trials = ladder[-1]
             last, bench = exact(rung, self.bench)
             key, before = last.model.effects[-1], ladder[-2][0]
-            if set(before.model.effects) < set(last.model.effects) and is_idle(last, before, key):
+            further = set(before.model.effects) < set(last.model.effects)
+            if further and (why := why_idle(last, before, key)):
                 ladder.pop()
-                self.notes.append(
-                    f'{effect(key).card.title} would explain a little more, but its size cannot '
-                    'be told from nothing'
-                )
+                title = effect(key).card.title
+                self.notes.append(f'{title} would explain a little more, but {why}')
                 continue
             if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)

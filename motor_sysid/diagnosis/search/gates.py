@@ -50,6 +50,7 @@ a model explain, is what their misfit may look like another function of the same
 UNPHYSICAL = 'unphysical sign'
 NO_EVIDENCE = 'no evidence'
 UNCERTAIN = 'its size cannot be told from nothing'
+TRIFLE = 'lowers the error by next to nothing'
 INEXACT = 'could be what laws and integration of the model have not right to the last detail'
 TOO_LITTLE = 'lowers the held-out error by'
 UNSTEADY = 'helps in some of the held-out data and harms in other'
@@ -249,17 +250,23 @@ def is_told(model: Model, key: str) -> bool:
     return any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
 
 
-def is_idle(rung: Rung, without: Rung, key: str) -> bool:
-    """Whether an effect of the last fit may as well be nothing, and does next to nothing.
+def why_idle(rung: Rung, without: Rung, key: str) -> str:
+    """Return why an effect of the last fit may as well be left out, or nothing.
 
-    In the last fit signs are sharper and noise is taken as it is.  Where a shape of a law is at
-    the end of what the data show, and its amplitude with it, the law may stand for any other: the
-    more so where no amplitude is seen but in combination.
+    In the last fit signs are sharper and noise is taken as it is.  What does next to nothing then
+    may be nothing: where a shape of a law is at the end of what the data show, and its amplitude
+    with it, the law may stand for any other, the more so where no amplitude is seen but in
+    combination.  A further effect that is told, but lowers no error to speak of, has had its
+    chance: while models are climbed to, what lowers an error by little may lead far down.
     """
     gain = 100 * (1 - combined_error(rung.held, without.held))
-    further = bool(without.model.effects) or not is_seen(rung.model, key)
-    least = MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT
-    return gain < least and not is_told(rung.model, key)
+    further = bool(without.model.effects)
+    much = further or not is_seen(rung.model, key)
+    least = MIN_FURTHER_GAIN_PERCENT if much else MIN_GAIN_PERCENT
+    if gain < least and not is_told(rung.model, key):
+        return UNCERTAIN
+    trifle = further and not is_usual(effect(key), rung.model)
+    return TRIFLE if trifle and not is_worth_it(rung, without, gain) else ''
 
 
 def is_seen(model: Model, key: str) -> bool:
@@ -302,9 +309,12 @@ def misfit_of_laws(
 def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:
     """Whether an effect lowers the held-out error by more than next to nothing.
 
-    `gain` is the relative fall in percent, each channel in units of its error before.
+    A further one may lower the training error instead: not every record shows it.  `gain` is the
+    relative fall in percent, each channel in units of its error before.
     """
     drop = old.held.error_percent**2 - new.held.error_percent**2
+    if old.model.effects:
+        drop = max(drop, old.training.error_percent**2 - new.training.error_percent**2)
     return gain > LEAST_GAIN_PERCENT or drop > LEAST_DROP_PERCENT**2
 
 

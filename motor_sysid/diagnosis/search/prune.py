@@ -12,6 +12,7 @@ import numpy as np
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
+    FAITHFUL,
     is_certain,
     LEAST_CERTAINTY,
     MIN_CERTAIN_GAIN_PERCENT,
@@ -72,7 +73,8 @@ def pruned(
         for special in effect(key).card.generalises:
             if not rung.model.admits(effect(special)):
                 continue
-            slim = _simpler(rung, narrowed(rung.model, key, special, bench.scales), bench)
+            slim = narrowed(rung.model, key, special, bench.scales)
+            slim = _simpler(rung, slim, bench, FAITHFUL**2 * gains.get(key, 0.0))
             if slim is not rung:
                 tell(f'{special} does in place of {key}')
                 gains[special] = gains.get(key, 0.0)
@@ -105,8 +107,12 @@ def narrowed(model: Model, key: str, special: str, scales: Scales) -> Model:
     return replace(model.without_effect(key).with_effect(special, values, scales), effects=order)
 
 
-def _simpler(rung: Rung, model: Model, bench: Bench) -> Rung:
-    """Return the fit of a model with fewer parameters, if there is no evidence for more."""
+def _simpler(rung: Rung, model: Model, bench: Bench, inexact: float = 0.0) -> Rung:
+    """Return the fit of a model with fewer parameters, if there is no evidence for more.
+
+    Nor is it evidence if it is less than `inexact`, which is what no law has right to the last
+    detail, where the simpler model leaves nothing but noise and runs as well on held-out data.
+    """
     weighting = rung.result.weighting
     full, rows = profile_cost(rung, bench, weighting)
     count = len(rung.model.parameters.free) - len(model.parameters.free)
@@ -118,7 +124,9 @@ def _simpler(rung: Rung, model: Model, bench: Bench) -> Rung:
     less, _ = profile_cost(slim, bench, weighting)
     if less - full < allowed:
         return rung if less - full > LEAST_CERTAINTY and _proves_itself(rung, slim) else slim
-    return slim if _is_trifle(rung, slim, less / rows) else rung
+    runs = less < ONLY_NOISE * rows and slim.held.error_percent <= rung.held.error_percent
+    does = (less - full < inexact and runs) or _is_trifle(rung, slim, less / rows)
+    return slim if does else rung
 
 
 def _proves_itself(rung: Rung, slim: Rung) -> bool:

@@ -9,6 +9,7 @@ from motor_sysid.diagnosis.search.gates import (
     combined_error,
     is_usual,
     MIN_GAIN_PERCENT,
+    TOO_LITTLE,
     UNCERTAIN,
     UNPHYSICAL,
 )
@@ -84,9 +85,15 @@ def is_special(trial: Trial) -> bool:
     return any(p.free and p.value <= LOWEST * p.lower for p in own)
 
 
-def may_rival(trial: Trial) -> bool:
-    """Whether a trial may be a rival: it passes, or only its size is uncertain."""
-    return trial.passes or trial.note == UNCERTAIN
+def may_rival(trial: Trial, winner: Trial | None = None) -> bool:
+    """Whether a trial may be a rival: it passes, or only its size is uncertain.
+
+    Or only the held-out data keep it out, and they say as little of the winner: there the training
+    data decide.
+    """
+    kept_out = trial.note.startswith(TOO_LITTLE) and trial.gain_percent > 0.0
+    torn = winner is not None and _is_lost(winner)
+    return trial.passes or trial.note == UNCERTAIN or (torn and kept_out)
 
 
 def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, ...]:
