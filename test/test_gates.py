@@ -387,7 +387,9 @@ def test_a_neighbour_accounts_for_less_than_the_truth_does():
     ('has', 'further', 'inherits', 'least'),
     [
         ('coulomb_friction', 'iron_loss', False, 400.0),  # both are functions of speed
-        ('speed_sensor_offset', 'quadratic_drag', False, 400.0),  # and what a sensor adds is one
+        ('speed_sensor_scale', 'quadratic_drag', False, 400.0),  # and what a sensor adds is one
+        ('speed_sensor_offset', 'quadratic_drag', False, 0.0),  # but nothing depends on a constant
+        ('input_delay', 'current_sensor_lag', False, 400.0),  # a delay has no law to be right
         ('coulomb_friction', 'cogging_torque', False, 0.0),  # one of position
         ('coulomb_friction', 'stribeck_friction', True, 0.0),  # the same law, mended
         ('periodic_load', 'friction_drift', False, 400.0),  # both read the clock

@@ -164,6 +164,11 @@ class Model:
         return due and one.key not in self.effects and self.admits(one)
 
     @property
+    def is_sound(self) -> bool:
+        """Whether the effects of the model make sense for its motor and its sensors."""
+        return all(self.admits(effect(key)) for key in self.effects)
+
+    @property
     def filters_speed(self) -> bool:
         """Whether the speed passes a filter, which may take sample by sample."""
         mine = map(self.effect, self.effects)

@@ -112,11 +112,15 @@ class Bench:
         return Problem(model, self.train, self.outputs, substeps=self.substeps)
 
     def other_sensors(self, model: Model) -> list[SpeedSensor]:
-        """Return the other kinds of speed sensor that are worth trying with a model."""
+        """Return the other kinds of speed sensor that are worth trying with a model.
+
+        All its effects must make sense with them: counts have no room for an offset.
+        """
         known = self.sensors
         if SpeedSensor.IDEAL in known and 'speed' in self.outputs and model.filters_speed:
             known += (SpeedSensor.SAMPLED,)
-        return [sensor for sensor in known if sensor is not model.speed_sensor]
+        others = [one for one in known if one is not model.speed_sensor]
+        return [one for one in others if model.with_speed_sensor(one).is_sound]
 
     def differenced(self, model: Model) -> list[bool]:
         """Return of each output whether its noise is that of differenced counts."""

@@ -289,7 +289,8 @@ def misfit_of_laws(
 
     What takes the place of one of them mends its law, and what is a function of something else
     can make up for none; nor can what pushes another equation, if each has an output that tells of
-    it.  Of what comes in time, only a law that reads the clock is one of time.
+    it.  Of what comes in time, only a law that reads the clock is one of time.  What depends on
+    nothing, as an offset, is right to the last detail.
     """
     forces = {force.name for force in model.kind.forces}
     mine = scored.variant.effect
@@ -302,7 +303,8 @@ def misfit_of_laws(
         apart = len(outputs) >= len(forces) and ours and theirs and not ours & theirs
         return argument(one) == argument(mine) and not apart
 
-    like = not scored.variant.inherits and any(alike(effect(key)) for key in model.effects)
+    laws = [one for one in map(effect, model.effects) if one.needs() or not one.laws]
+    like = not scored.variant.inherits and any(map(alike, laws))
     return FAITHFUL**2 * explained if like else 0.0
 
 

@@ -49,18 +49,35 @@ def winner_of(passing: Sequence[Trial]) -> Trial:
     """Return the best trial, or its simplest special case that explains most of it.
 
     Of several that do as well, what every motor has goes first, then one that keeps what the
-    model has.
+    model has, then what the held-out data clearly speak for.
     """
     best = passing[0]
     simplest = _simplest(best, passing)
     if simplest is not best:
         return simplest
-    equal = [best, *_equals(best, passing)]
+    better = _run_better(best, passing)
+    equal = [*better, best, *(t for t in _equals(best, passing) if t not in better)]
     if usual := next((t for t in equal if _usual(t)), None):
         return usual
     equal = [t for t in equal if _usual(t) is not False] or equal
     keeps = [t for t in equal if not t.scored.variant.inherits]
     return _simplest(keeps[0], passing) if keeps else equal[0]
+
+
+def _run_better(best: Trial, passing: Sequence[Trial]) -> list[Trial]:
+    """Return what has nearly as much evidence as the best, and runs clearly better.
+
+    Where more is missing, a noise model takes some of that for noise, and small differences of
+    evidence say little.
+    """
+    equals = _equals(best, passing, np.inf)
+    better = [t for t in equals if _runs_clearly_better(t, best)]
+    return sorted(better, key=lambda t: -t.gain_percent)
+
+
+def _runs_clearly_better(one: Trial, other: Trial) -> bool:
+    """Whether a trial leaves a held-out error that is lower by more than a hundredth."""
+    return 100 - one.gain_percent < (1 - MIN_GAIN_PERCENT / 100) * (100 - other.gain_percent)
 
 
 def _usual(trial: Trial) -> bool | None:
@@ -88,12 +105,13 @@ def is_special(trial: Trial) -> bool:
 def may_rival(trial: Trial, winner: Trial | None = None) -> bool:
     """Whether a trial may be a rival: it passes, or only its size is uncertain.
 
-    Or only the held-out data keep it out, and they say as little of the winner: there the training
-    data decide.
+    Or only the held-out data keep it out, and they say next to nothing for the winner against it:
+    there the training data decide.
     """
+    if trial.passes or trial.note == UNCERTAIN:
+        return True
     kept_out = trial.note.startswith(TOO_LITTLE) and trial.gain_percent > 0.0
-    torn = winner is not None and _is_lost(winner)
-    return trial.passes or trial.note == UNCERTAIN or (torn and kept_out)
+    return winner is not None and kept_out and not _runs_clearly_better(winner, trial)
 
 
 def rivals_of(winner: Trial, trials: Sequence[Trial], base: Rung) -> tuple[str, ...]:
@@ -159,9 +177,15 @@ def _is_lost(trial: Trial) -> bool:
     return trial.gain_percent < MIN_GAIN_PERCENT
 
 
-def _equals(best: Trial, passing: Sequence[Trial]) -> list[Trial]:
-    """Return the trials that do as well as the best, but for wider and narrower forms of it."""
-    excess = np.inf if _is_lost(best) else best.excess
+def _equals(
+    best: Trial, passing: Sequence[Trial], excess: float | None = None
+) -> list[Trial]:
+    """Return the trials that do as well as the best, but for wider and narrower forms of it.
+
+    `excess` is what the best one leaves, if that is known better than by its own noise model.
+    """
+    if excess is None:
+        excess = np.inf if _is_lost(best) else best.excess
     least = best.delta_bic - margin_of(best.delta_bic, excess)
     others = [t for t in passing if t.key != best.key and not related(t, best)]
     return [t for t in others if t.delta_bic > least]

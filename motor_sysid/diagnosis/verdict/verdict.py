@@ -25,7 +25,8 @@ FLOOR_SURE = 0.1
 
 EXPLAINED = 0.9
 """Share of the squared error beyond sensor noise that what is named must explain, where something
-predictable remains or where base parameters are undetermined."""
+predictable remains (`NEARLY_ALL` of it if several are named: together they may stand for another
+one) or where base parameters are undetermined."""
 
 FAINT = 0.02
 """Predictable share of the squared error below which next to nothing can be predicted."""
@@ -164,9 +165,10 @@ def verdict_of(
     if doubted and not structured and trifle:
         return Verdict.COMPLETE
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
-    if (structured and explained < EXPLAINED) or outweighed or doubted:
-        return Verdict.UNKNOWN_EFFECT
     several = len(final.model.effects) > len(base.model.effects) + 1
+    enough = NEARLY_ALL if several else EXPLAINED
+    if (structured and explained < enough) or outweighed or doubted:
+        return Verdict.UNKNOWN_EFFECT
     believed = explained > ALL_BUT_A_TRIFLE and ((several and not structured) or is_wild(base))
     if not believed and gone(final.model, base.model):
         return Verdict.UNKNOWN_EFFECT
