@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.search.gates import (
     gate_note,
     gone,
     misfit_of_laws,
+    senseless,
     TAKES_OVER,
     TOO_LITTLE,
     TRIFLE,
@@ -215,6 +216,13 @@ def test_friction_does_not_drift_below_nothing(values, beside, says):
     """Within 10 s: b is 3e-5, and Coulomb friction, where there is some, 2 mN m."""
     model = with_effect('friction_drift', values, {key: {'tau_c': 2e-3} for key in beside})
     assert note(model, 'friction_drift', gain=10.0, sigmas=0.01) == says
+
+
+@pytest.mark.parametrize(('hertz', 'sense'), [(0.1, False), (0.15, True)])
+def test_what_does_not_come_back_within_a_record_is_no_periodic_load(hertz, sense):
+    model = with_effect('periodic_load', {'a': 1e-3, 'b': 0.0, 'f': hertz})
+    found = senseless(model, 'periodic_load', 8.0)
+    assert found == ('' if sense else 'swings less than once within a record')
 
 
 def test_a_ratio_at_its_limit_means_another_law():

@@ -67,9 +67,10 @@ def test_what_is_superfluous_beside_another_has_shown_it_the_way_and_goes():
     assert gain > bench.threshold
 
 
-def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch):
+@pytest.mark.parametrize('why', ['is_impossible', 'senseless'])
+def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch, why):
     pairs = import_module('motor_sysid.diagnosis.search.pairs')
-    monkeypatch.setattr(pairs, 'is_impossible', lambda model, key, duration: True)
+    monkeypatch.setattr(pairs, why, lambda model, key, duration: True)
     bench, base, scores = base_of(HIDDEN)
     assert best_twosome(base, scores, bench, lambda text: None) is None
 

@@ -10,7 +10,11 @@ from dataclasses import dataclass, replace
 from motor_sysid.diagnosis.candidates.score import Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
-from motor_sysid.diagnosis.search.gates import at_limit, is_impossible, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.search.gates import (
+    is_impossible,
+    MIN_FURTHER_GAIN_PERCENT,
+    senseless,
+)
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.ranking import (
     margin_of,
@@ -93,7 +97,8 @@ class Exchange:
             return None
         other = pruned(other, self.bench, self.gains, self.tell, last=True)
         new = set(other.model.effects) - set(rung.model.effects)
-        return None if any(at_limit(other.model, key) for key in new) else other
+        duration = self.bench.scales.duration
+        return None if any(senseless(other.model, key, duration) for key in new) else other
 
     def found(
         self, rung: Rung, start: Sequence[str], rivals: dict[str, tuple[str, ...]]

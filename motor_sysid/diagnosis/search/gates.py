@@ -161,22 +161,21 @@ def _steadiness(gains: Array) -> float:
     return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
-def at_limit(model: Model, key: str) -> str:
-    """Return a ratio among the effect's shapes that lies on its upper bound, or nothing.
+def senseless(model: Model, key: str, duration: float) -> str:
+    """Return why what the shapes of an effect have come to makes no sense, or nothing.
 
-    Times, speeds and angles are bounded by what the records show; a ratio by what it means.
+    Times, speeds and angles are bounded by what the records show; a ratio by what it means, and on
+    its upper bound it means nothing.  What comes back at a frequency must do so within the
+    `duration` of a record, s.
     """
-    for shape in effect(key).card.shapes:
+    card = effect(key).card
+    if card.frequency and model[f'{key}.{card.frequency}'] * duration < 1.0:
+        return 'swings less than once within a record'
+    for shape in card.shapes:
         p = model.parameters[f'{key}.{shape.name}']
         if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
-            return f'{shape.name} ({shape.description})'
+            return f'{shape.name} ({shape.description}) is at the limit of what makes sense'
     return ''
-
-
-def _stands_still(model: Model, one: Effect, duration: float) -> bool:
-    """Whether what comes back at a frequency does not within the `duration` of a record, s."""
-    name = one.card.frequency
-    return bool(name) and model[f'{one.key}.{name}'] * duration < 1.0
 
 
 def gone(new: Model, old: Model) -> str:
@@ -379,10 +378,8 @@ def gate_note(
     sure = delta > SURE * asked and falls
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return UNCERTAIN
-    if _stands_still(new.model, scored.variant.effect, duration):
-        return 'swings less than once within a record'
-    if limit := at_limit(new.model, key):
-        return f'{limit} is at the limit of what makes sense'
+    if why := senseless(new.model, key, duration):
+        return why
     if lost := _missed(new, old):
         return f'{lost} {TAKES_OVER}'
     further = bool(old.model.effects)

@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 
 from motor_sysid.diagnosis.candidates.score import Scored, Scores
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import at_limit, is_impossible, is_told
+from motor_sysid.diagnosis.search.gates import is_impossible, is_told, senseless
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.search.rounds import WORKERS
@@ -62,7 +62,7 @@ def best_twosome(
     model, duration = slim.model, bench.scales.duration
     own = [key for key in model.effects if key not in base.model.effects]
     there = all(is_told(model, key) and not is_impossible(model, key, duration) for key in own)
-    if not own or not there or any(at_limit(model, key) for key in own):
+    if not own or not there or any(senseless(model, key, duration) for key in own):
         return None
     alone = [starts[key] for key in own if key in starts] if len(own) < TWO else []
     return slim, level.gain(slim, bench), [judged(one, slim, level, bench) for one in alone]
