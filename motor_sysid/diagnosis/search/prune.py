@@ -73,8 +73,8 @@ def pruned(
         for special in effect(key).card.generalises:
             if not rung.model.admits(effect(special)):
                 continue
-            slim = narrowed(rung.model, key, special, bench.scales)
-            slim = _simpler(rung, slim, bench, FAITHFUL**2 * gains.get(key, 0.0))
+            model = narrowed(rung.model, key, special, bench.scales)
+            slim = _simpler(rung, model, bench, FAITHFUL**2 * gains.get(key, 0.0))
             if slim is not rung:
                 tell(f'{special} does in place of {key}')
                 gains[special] = gains.get(key, 0.0)
