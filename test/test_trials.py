@@ -123,6 +123,20 @@ def test_an_earlier_fit_of_the_same_effects_stays_where_nothing_does_better(monk
     assert not refit.try_roughly(starts, level, bench, give_up=True).passes
 
 
+def test_an_earlier_fit_with_wider_boxes_is_begun_with_inside_of_these():
+    """What was fitted beside other effects may have gone where this model has no room."""
+    data = records({'coulomb_friction': {'tau_c': 6e-3}}, kinds=('steps', 'triangle'), seconds=3.0)
+    bench, rung = prepared(data, SpeedSensor.DIFFERENCE)
+    scores = scored(rung, bench, [effect('stribeck_friction')], lambda text: None)
+    level = Level.of(rung, bench, scores.weighting)
+    (starts,) = best_per_effect(scores.singles, 1)
+    here = starts[0].variant.model.parameters['stribeck_friction.omega_s']
+    far = {'tau_c': 6e-3, 'tau_s': 0.0, 'omega_s': 10 * here.upper}
+    wide = replace(rung.result, model=rung.model.with_effect('stribeck_friction', far))
+    found = refit.try_roughly(starts, level, bench, wide)
+    assert here.lower <= found.rung.model['stribeck_friction.omega_s'] <= here.upper
+
+
 def test_a_delay_begins_from_the_first_guess_of_the_motor_too(monkeypatch):
     """The inductance that made up for it hardly finds back."""
     data = records({'input_delay': {'delay': 3.4e-3}}, kinds=('steps',), seconds=3.0)

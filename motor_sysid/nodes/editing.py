@@ -82,11 +82,8 @@ def _with_values(model: Model, values: Mapping[str, float], timed: Sequence[str]
         if 't' in effect(key).needs()
         for a in effect(key).card.amplitudes
     }
-    return model.with_values({
-        p.name: min(max(values[p.name], p.lower), p.upper)
-        for p in model.parameters
-        if p.name in values and p.name not in stay
-    })  # fmt: skip
+    inside = model.parameters.inside(values)
+    return model.with_values({name: v for name, v in inside.items() if name not in stay})
 
 
 def _carried(key: str) -> Effect:

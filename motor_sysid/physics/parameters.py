@@ -118,6 +118,11 @@ class ParameterSet:
             )
         )
 
+    def inside(self, values: Mapping[str, float]) -> dict[str, float]:
+        """Return those of some values that the set has a parameter for, kept inside its box."""
+        mine = {p.name: p for p in self.items if p.name in values}
+        return {n: min(max(values[n], p.lower), p.upper) for n, p in mine.items()}
+
     def with_sigmas(self, sigmas: Mapping[str, float]) -> 'ParameterSet':
         """Return a set with the standard deviations of the named parameters."""
         return ParameterSet(

@@ -140,9 +140,8 @@ def better_of(*trials: Trial) -> Trial:
 
 
 def _as_in(found: Model, model: Model) -> Model:
-    """Return a model with the values of what it shares with another one."""
-    known = found.parameters.values()
-    return model.with_values({name: v for name, v in known.items() if name in model.parameters})
+    """Return a model with the values of what it shares with another one, inside its own boxes."""
+    return model.with_values(model.parameters.inside(found.parameters.values()))
 
 
 def _is_above(first: FitResult, rung: Rung, bench: Bench) -> bool:

@@ -271,7 +271,8 @@ def _begun_where(trial: Trial, model: Model) -> Model:
             f'{key}.{narrow}': found[f'{trial.key}.{wide}']
             for wide, narrow in card.generalises[key]
         }
-    return model.with_values(values).with_speed_sensor(found.speed_sensor)
+    inside = model.parameters.inside(values)
+    return model.with_values(inside).with_speed_sensor(found.speed_sensor)
 
 
 def straightened(
