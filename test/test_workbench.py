@@ -1,7 +1,9 @@
 """The workbench: over HTTP, and with the mouse in a real browser."""
 
 from collections.abc import Iterator
+from contextlib import redirect_stderr
 from http.client import HTTPConnection
+from io import StringIO
 import json
 from pathlib import Path
 import re
@@ -16,6 +18,7 @@ from urllib.request import urlopen
 from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
 import pytest
+from ros_harness import wait_for
 
 from motor_sysid.diagnosis import Settings
 from motor_sysid.errors import UserError
@@ -166,20 +169,19 @@ def test_strangers_are_refused(bench: Workbench) -> None:
 
 
 def test_a_fault_of_ours_is_answered_and_told_in_the_terminal(
-    bench: Workbench, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    bench: Workbench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fail(step: int, effect: str) -> None:
         raise ZeroDivisionError('a fault')
 
     monkeypatch.setattr(bench.session, 'add', fail)
-    status, why = act(bench, 'add', 0, 'quadratic_drag')
-    assert (status, b'a fault' in why) == (500, True)
-    monkeypatch.undo()
-    assert act(bench, 'add', 0, 'flux')[0] == 409  # it goes on
-    told = ''
-    while 'ZeroDivisionError' not in told:  # the answer comes first
-        told += capfd.readouterr().err
-    assert 'Traceback' in told
+    with redirect_stderr(StringIO()) as told:
+        status, why = act(bench, 'add', 0, 'quadratic_drag')
+        assert (status, b'a fault' in why) == (500, True)
+        monkeypatch.undo()
+        assert act(bench, 'add', 0, 'flux')[0] == 409  # it goes on
+        wait_for(lambda: 'ZeroDivisionError' in told.getvalue(), 'the fault')  # after the answer
+    assert 'Traceback' in told.getvalue()
 
 
 def test_it_listens_to_this_machine_only_and_a_taken_port_is_said(bench: Workbench) -> None:
