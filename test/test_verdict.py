@@ -149,6 +149,23 @@ def test_a_rival_is_close_behind_and_closer_where_only_noise_is_left(behind, exc
     assert rivals_of(best, [best, trial('cogging_torque', 1000.0 - behind)], BASE) == rivals
 
 
+@pytest.mark.parametrize(
+    ('before', 'keys', 'found'),
+    [
+        (15.0, ('coulomb_friction',), Verdict.EFFECT_MISSING),  # 0.93 of what is beyond noise
+        (15.0, ('supply_sag', 'drive_coast'), Verdict.UNKNOWN_EFFECT),
+        (20.0, ('supply_sag', 'drive_coast'), Verdict.EFFECT_MISSING),  # 0.96
+    ],
+)
+def test_two_effects_that_leave_something_predictable_must_explain_more_than_one(
+    before, keys, found
+):
+    """Together they may stand for another: a bridge that clips, say."""
+    errors = [before, *((9.0,) if len(keys) > 1 else ()), 4.0]
+    ladder = [rung(error, effects=keys[:k]) for k, error in enumerate(errors)]
+    assert verdict(*ladder, left=LEFT) is found
+
+
 def test_what_a_pair_came_to_has_the_rivals_that_it_has_alone():
     """Two effects at once, of which one went again: which one of them may be chance."""
     mine, other = trial('friction_drift', 60.0), trial('iron_loss', 64.0)
