@@ -149,6 +149,15 @@ def test_the_filter_of_a_drive_is_told_from_one_ahead_of_the_samples(stepwise):
     assert SpeedSensor.SAMPLED not in bench.other_sensors(base), 'without a filter it is the same'
 
 
+def test_counts_are_no_sensor_of_a_model_with_an_offset():
+    """They have no room for it, so whatever they gain, they take away what is there."""
+    bench, rung = fitted(differenced=False)
+    model = replace(rung.model, speed_sensor=SpeedSensor.IDEAL)
+    assert SpeedSensor.DIFFERENCE in bench.other_sensors(model)
+    shifted = model.with_effect('speed_sensor_offset', {'o': 1.0}, bench.scales)
+    assert SpeedSensor.DIFFERENCE not in bench.other_sensors(shifted)
+
+
 def test_a_speed_sensor_that_a_brief_fit_speaks_against_is_not_fitted_in_full(monkeypatch):
     bench, rung = fitted(differenced=False)
     briefly = []
