@@ -307,8 +307,8 @@ class Engine:
             rung, trials = ladder[-1]
             last, bench = exact(rung, self.bench)
             key, before = last.model.effects[-1], ladder[-2][0]
-            further = set(before.model.effects) < set(last.model.effects)
-            if further and (why := why_idle(last, before, key)):
+            grown = set(before.model.effects) < set(last.model.effects)
+            if grown and (why := why_idle(last, before, key)):
                 ladder.pop()
                 title = effect(key).card.title
                 self.notes.append(f'{title} would explain a little more, but {why}')

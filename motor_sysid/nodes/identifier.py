@@ -30,6 +30,7 @@ from motor_sysid.nodes.parameters import Settings
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.preparation import Preparation
 from motor_sysid.nodes.publishing import (
+    DEPTH,
     DiagnosticsPublisher,
     joint_publisher,
     LATCHED,
@@ -166,10 +167,11 @@ class IdentifierNode(LoopNode):
                 self._adopt(self._next, self._pipeline.stream.changed)
         self._look()
 
-    def _take(self, pipeline: Pipeline) -> int:
+    def _take(self, pipeline: Pipeline, limit: int = TAKEN) -> int:
+        """Take at most so many messages of each topic; return how many came."""
         count = 0
         for k, topic in enumerate(self._topics):
-            for message in topic.drain(TAKEN):
+            for message in topic.drain(limit):
                 pipeline.push(k, message.data, message.received)
                 count += 1
         return count
@@ -330,8 +332,7 @@ class IdentifierNode(LoopNode):
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         if self._pipeline is not None:
-            while self._take(self._pipeline):  # what came before the call is not the next sample
-                pass
+            self._take(self._pipeline, DEPTH)  # what came before the call is no next sample
             self._pipeline.reset()
         self._work.reset()
         response.success, response.message = True, 'starts anew with the next sample'
