@@ -60,7 +60,7 @@ from motor_sysid.physics.implicit import (
     secants,
     settle,
 )
-from motor_sysid.physics.native import as_pointer, LANES
+from motor_sysid.physics.native import as_pointer, GROUP, LANES
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.readings import hold_shown, shares, show
 from motor_sysid.physics.track import follow, meet
@@ -137,6 +137,7 @@ def run_block(  # type: ignore[no-untyped-def]
     outputs:
         (N - first, n_y, W) model outputs at the sample times.
     """
+    wide &= -GROUP
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
     fine = pieces // coarse - 1
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]

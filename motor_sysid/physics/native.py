@@ -7,6 +7,10 @@ from numba.extending import intrinsic
 LANES = 32
 """Parameter vectors that one block carries: enough for the compiler to keep the loop rolled."""
 
+GROUP = 8
+"""Lanes that are computed together: a block of fewer parameter vectors costs less.  Loops end at
+``wide & -GROUP``, so that the compiler sees it and adds no loop for a rest, which is slow."""
+
 
 @intrinsic
 def as_pointer(typingctx, address):  # type: ignore[no-untyped-def]
