@@ -41,7 +41,7 @@ second on only finer ones count."""
 
 _OPEN, _KNOWN = 1e300, 1e299
 
-# rows of the work memory of one solution; those from MOST on are kept from step to step
+# rows of the work memory of one solution
 JUMP = 0
 HARD_ROW = 1 * LANES
 _PREDICTED = 2 * LANES
@@ -54,12 +54,12 @@ _HIGH = 8 * LANES
 _G_LOW = 9 * LANES
 _G_HIGH = 10 * LANES
 _SIDE = 11 * LANES
-_STEEP = 12 * LANES
-_PHI1 = 13 * LANES
-_PHI2 = 14 * LANES
-MOST = 15 * LANES
-_LARGEST = MOST + len(FORCES) * LANES
-ROWS = 15 + 2 * len(FORCES)
+_PHI2 = 12 * LANES
+ROWS = 13
+
+KEPT_ROWS = 2 * len(FORCES)
+"""Rows that are kept from step to step: the most that the stiff laws of each equation have been,
+and then the most of its own state."""
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -72,13 +72,13 @@ def call_stiff(wide, base, calls, count, forces, j):  # type: ignore[no-untyped-
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
 def secants(  # type: ignore[no-untyped-def]
-    wide, p, w, base, calls, count, forces, answers, state_rows, force_rows, own_state, x,
+    wide, p, base, calls, count, forces, answers, state_rows, force_rows, own_state, x,
     predicted, begun, secant,
 ):  # fmt: skip
     """Set `secant` (m, W) to the slope of the stiff laws of equations that `answers` marks.
 
     That is their slope in the own state of the equation.  The state `x` (n, W) is loaded; `begun`
-    (m, W) holds the stiff laws there.  `w` is work memory.
+    (m, W) holds the stiff laws there.
     """
     for j in range(own_state.shape[0]):
         if not answers[j]:
@@ -90,15 +90,8 @@ def secants(  # type: ignore[no-untyped-def]
             p[row + k] = predicted[own, k]
         call_stiff(wide, base, calls, count, forces, j)
         for k in range(wide):
-            w[_CHANGE + k] = predicted[own, k] - x[own, k]
-        for k in range(wide):
-            w[_STEEP + k] = p[target + k] - begun[j, k]
-        for k in range(wide):
-            moved = w[_CHANGE + k]
-            w[_STEEP + k] = min(w[_STEEP + k] * moved / (moved * moved + 1e-30), 0.0)
-        for k in range(wide):
-            secant[j, k] = w[_STEEP + k]
-        for k in range(wide):
+            moved, change = predicted[own, k] - x[own, k], p[target + k] - begun[j, k]
+            secant[j, k] = min(change * moved / (moved * moved + 1e-30), 0.0)
             p[row + k] = x[own, k]
 
 
@@ -110,33 +103,21 @@ def prepare(  # type: ignore[no-untyped-def]
 
     `change` (m, W) is the change of all forces over the step, `begun` and `start` the stiff laws
     at its beginning and at the predicted state.  Row `HARD_ROW` gets 1 where a lane is, else 0.
-    Loops over many arrays would not be vectorized: what is reckoned with is copied first.
     """
     for k in range(wide):
         w[_CHANGE + k] = 0.0
-        w[_PREDICTED + k] = predicted[own, k]
     for i in range(change.shape[0]):
         for k in range(wide):
             w[_CHANGE + k] += phi2_force[piece, own, i, k] * change[i, k]
-    for k in range(wide):
-        w[_PHI1 + k] = phi1_force[piece, own, j, k]
-    for k in range(wide):
-        w[_PHI2 + k] = phi2_force[piece, own, j, k]
-    for k in range(wide):
-        w[_STEEP + k] = secant[j, k]
-    for k in range(wide):
-        w[_START + k] = start[j, k]
-    for k in range(wide):
-        w[JUMP + k] = begun[j, k]
     count = 0
     for k in range(wide):
-        p2, p1, steep = w[_PHI2 + k], w[_PHI1 + k], w[_STEEP + k]
+        p2, p1, steep = phi2_force[piece, own, j, k], phi1_force[piece, own, j, k], secant[j, k]
         stiff = (p2 - p1) * steep > HARD
         weight = p1 if stiff else p2
-        hard = 1.0 if stiff else 0.0
-        c = w[_CHANGE + k] + (weight - p2) * (w[_START + k] - w[JUMP + k])
-        w[HARD_ROW + k] = hard
-        w[_WEIGHT + k] = weight
+        c = w[_CHANGE + k] + (weight - p2) * (start[j, k] - begun[j, k])
+        w[_PREDICTED + k], w[_START + k] = predicted[own, k], start[j, k]
+        w[_PHI2 + k], w[JUMP + k] = p2, begun[j, k]
+        w[HARD_ROW + k], w[_WEIGHT + k] = 1.0 if stiff else 0.0, weight
         w[_CHANGE + k] = c
         w[_LOW + k], w[_HIGH + k] = 0.0, c
         w[_G_LOW + k], w[_G_HIGH + k] = -c, _OPEN
@@ -158,10 +139,22 @@ def settle(wide, p, base, calls, count, forces, j, row, target, w):  # type: ign
             p[target + k] = 0.0
             p[row + k] = w[_PREDICTED + k] + w[_D + k]
         call_stiff(wide, base, calls, count, forces, j)
-        if narrow(wide, p, target, w, trial == 0) == 0:
+        if count_far(wide, p, target, w) == 0 or narrow(wide, p, target, w, trial == 0) == 0:
             break
     for k in range(wide):
         w[JUMP + k] = p[target + k] - w[JUMP + k]
+
+
+@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+def count_far(wide, p, target, w):  # type: ignore[no-untyped-def]
+    """Return in how many lanes the end of the step is not found yet; mostly, in none."""
+    left = 0
+    for k in range(wide):
+        c = w[_CHANGE + k]
+        g = w[_D + k] - c - w[_WEIGHT + k] * (p[target + k] - w[_START + k])
+        far = abs(g) >= CLOSE * (abs(c) + 1e-4 * abs(w[_PREDICTED + k]) + 1e-300)
+        left += 1 if far else 0
+    return left
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
@@ -198,22 +191,21 @@ def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def mark_turned(wide, w, j, begun, own, state, turned):  # type: ignore[no-untyped-def]
+def mark_turned(wide, w, most, j, begun, own, state, turned):  # type: ignore[no-untyped-def]
     """Raise `turned` (W,) in lanes in which the stiff laws of equation `j` have turned.
 
     `begun` (m, W) holds them at the beginning of the step, row `JUMP` their change, row `own` of
     `state` (n, W) their own state.  It grows steadily from 0 to 1, so that differences between
-    lanes stay smooth.
+    lanes stay smooth.  `most` holds the `KEPT_ROWS`.
     """
-    law, largest = MOST + j * LANES, _LARGEST + j * LANES
+    law, largest = j * LANES, (len(FORCES) + j) * LANES
     for k in range(wide):
-        w[law + k] = max(w[law + k], abs(begun[j, k]))
-    for k in range(wide):
-        w[largest + k] = max(w[largest + k], abs(state[own, k]))
-    for k in range(wide):
+        much = max(most[law + k], abs(begun[j, k]))
+        far = max(most[largest + k], abs(state[own, k]))
+        most[law + k], most[largest + k] = much, far
         change = abs(w[JUMP + k])
-        turn = ramp(change / (w[law + k] + 1e-300), TURNS[0], TURNS[1])
-        move = ramp(change * abs(w[_PHI2 + k]) / (w[largest + k] + 1e-300), MOVES[0], MOVES[1])
+        turn = ramp(change / (much + 1e-300), TURNS[0], TURNS[1])
+        move = ramp(change * abs(w[_PHI2 + k]) / (far + 1e-300), MOVES[0], MOVES[1])
         turned[k] = max(turned[k], turn * move)
 
 

@@ -54,13 +54,14 @@ from motor_sysid.physics.effect import ARGUMENTS
 from motor_sysid.physics.implicit import (
     HARD_ROW,
     JUMP,
+    KEPT_ROWS,
     mark_turned,
     prepare,
     ROWS,
     secants,
     settle,
 )
-from motor_sysid.physics.native import as_pointer, GROUP, LANES
+from motor_sysid.physics.native import as_pointer, GROUP, LANES, new_row, new_rows, on_stack
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.readings import hold_shown, shares, show
 from motor_sysid.physics.track import follow, meet
@@ -119,7 +120,7 @@ def run_block(  # type: ignore[no-untyped-def]
         they change linearly; or empty.
     buffer, base:
         Flat work memory and its address; rows are described in `motor_sysid.physics.lanes`, the
-        last `ROWS` of them in `motor_sysid.physics.implicit`.
+        last `KEPT_ROWS` of them in `motor_sysid.physics.implicit`.
     state:
         (n, W) core state, advanced in place.
     lane_calls, rate_calls, slope_calls, sensor_calls:
@@ -143,25 +144,22 @@ def run_block(  # type: ignore[no-untyped-def]
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]
     n_memory, n_jumps = memory_offset.shape[0], jump_calls.shape[0]
     p = as_pointer(base)  # type: ignore[var-annotated]
-    work = np.empty((3, LANES))
-    # one array each: loops over rows of one and the same would not be vectorized
-    predicted, previous = np.empty((n, LANES)), state.copy()
-    begun, secant, start = np.zeros((m, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES))
-    ended, jump, share = np.zeros((m, LANES)), np.zeros((m, LANES)), np.zeros((m, LANES))
-    w = as_pointer(base + 8 * (buffer.shape[0] - ROWS * LANES))
-    old_memory, old_rate = np.empty((n_memory + 1, LANES)), np.empty((n_memory + 1, LANES))
-    next_memory, kept = np.empty((n_memory + 1, LANES)), np.empty((n_memory + 1, LANES))
-    all_in = np.zeros((whole.shape[2], LANES))
+    predicted, previous, rough, old = new_rows(n), new_rows(n), new_rows(n), new_rows(n)
+    begun, start, ended = new_rows(m), new_rows(m), new_rows(m)
+    secant, jump, share = new_rows(m), new_rows(m), new_rows(m)
+    old_memory, old_rate, next_memory = new_rows(n_memory), new_rows(n_memory), new_rows(n_memory)
+    kept, all_in, work = new_rows(n_memory), new_rows(whole.shape[2]), new_rows(3)
+    now, h, begins, since, share_in = new_row(), new_row(), new_row(), new_row(), new_row()
+    here, there, passed, turned = new_row(), new_row(), new_row(), new_row()
     x, u, before = all_in[:n], all_in[n : n + n_u], all_in[n + n_u : n + n_u + m]
+    w = on_stack(ROWS * LANES)
+    most = as_pointer(base + 8 * (buffer.shape[0] - KEPT_ROWS * LANES))
+    all_in[:], secant[:], jump[:], share[:] = 0.0, 0.0, 0.0, 0.0
     x[:] = state
+    previous[:] = state
     answers = np.zeros(m, dtype=np.bool_)
     for i in range(stiff_count):
         answers[stiff_force[i]] = True
-    now, h, begins, since = np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    here, there, passed, turned = (
-        np.zeros(LANES), np.zeros(LANES), np.zeros(LANES), np.zeros(LANES)
-    )  # fmt: skip
-    rough, old = np.empty((n, LANES)), np.empty((n, LANES))
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
     position_row = speed_row = -1
     for j in range(n):
@@ -174,7 +172,6 @@ def run_block(  # type: ignore[no-untyped-def]
         for k in range(wide):  # before the first sample: as if the speed had been held
             previous[position_row, k] -= dt * x[speed_row, k]
     time_at = time_row * LANES
-    share_in = np.empty(LANES)
     filters = shares(wide, p, output_filter, dt, share_in)
 
     for sample in range(first, count):
@@ -262,7 +259,7 @@ def run_block(  # type: ignore[no-untyped-def]
             if stiff_count > 0:
                 put(wide, p, memory_offset, old_memory)
                 secants(
-                    wide, p, w, base, lane_calls, stiff_count, stiff_force, answers, state_rows,
+                    wide, p, base, lane_calls, stiff_count, stiff_force, answers, state_rows,
                     force_rows, own_state, x, predicted, begun, secant,
                 )  # fmt: skip
                 put(wide, p, memory_offset, next_memory)
@@ -309,13 +306,10 @@ def run_block(  # type: ignore[no-untyped-def]
                     force_rows[j] * LANES, w,
                 )  # fmt: skip
                 for k in range(wide):
-                    jump[j, k] = w[JUMP + k]
-                for k in range(wide):
-                    share[j, k] = w[HARD_ROW + k]
-                for k in range(wide):
+                    jump[j, k], share[j, k] = w[JUMP + k], w[HARD_ROW + k]
                     p[row + k] = predicted[own, k]
                 if fine > 0 and finer == 0:
-                    mark_turned(wide, w, j, begun, own, predicted, turned)
+                    mark_turned(wide, w, most, j, begun, own, predicted, turned)
             for j in range(m):
                 if answers[j]:
                     for k in range(wide):

@@ -12,7 +12,7 @@ from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import ARGUMENTS, Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.exponential import substep_matrices
-from motor_sysid.physics.implicit import ROWS as WORK_ROWS
+from motor_sysid.physics.implicit import KEPT_ROWS
 from motor_sysid.physics.kernel import run_block
 from motor_sysid.physics.lanes import (
     compile_effect,
@@ -318,7 +318,7 @@ class Program:
         used = table.shape[1]
         full = np.repeat(table[:, :1], LANES, axis=1)
         full[:, :used] = table
-        buffer = np.zeros((self._rows + WORK_ROWS) * LANES)
+        buffer = np.zeros((self._rows + KEPT_ROWS) * LANES)
         buffer.reshape(-1, LANES)[self._parameter_rows] = full
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
         if delayed and self._delay_names:

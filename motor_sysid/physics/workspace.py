@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.physics.implicit import MOST, ROWS
+from motor_sysid.physics.implicit import KEPT_ROWS
 from motor_sysid.physics.kernel import CHUNK
 from motor_sysid.physics.lanes import LANES
 
@@ -38,7 +38,7 @@ class Workspace:
 
     def rest(self) -> None:
         """Forget how large the laws have been: a stretch begins."""
-        self.buffer[MOST - ROWS * LANES :] = 0.0
+        self.buffer[-KEPT_ROWS * LANES :] = 0.0
 
     @property
     def by_force(self) -> Array:
