@@ -43,7 +43,7 @@ _TEMPLATE = """
 
 # ---- generated from the effect {origin}; do not edit ----
 from numba import cfunc as _cfunc, njit as _njit
-from motor_sysid.physics.native import as_pointer as _as_pointer, GROUP as _GROUP
+from motor_sysid.physics.native import as_pointer as _as_pointer
 
 _law = _njit(error_model='numpy', forceinline=True)({function})
 
@@ -51,7 +51,7 @@ _law = _njit(error_model='numpy', forceinline=True)({function})
 @_cfunc('void(int64, int64, int64, int64)', cache=True, error_model='numpy')
 def lane(base, own, state, wide):
     p = _as_pointer(base)
-    for k in range(wide & -_GROUP):
+    for k in range(wide):
         p[{target} + k] += _law({arguments})
 """
 

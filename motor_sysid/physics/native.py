@@ -8,8 +8,8 @@ LANES = 32
 """Parameter vectors that one block carries: enough for the compiler to keep the loop rolled."""
 
 GROUP = 8
-"""Lanes that are computed together: a block of fewer parameter vectors costs less.  Loops end at
-``wide & -GROUP``, so that the compiler sees it and adds no loop for a rest, which is slow."""
+"""Lanes of a block that are computed together: one of fewer parameter vectors costs less.  The
+kernel runs ``wide & -GROUP``: so the compiler sees that no loop has a rest."""
 
 
 @intrinsic
