@@ -95,6 +95,20 @@ def test_finer_steps_are_followed_with_the_derivatives_of_the_coarser(monkeypatc
     assert found.result.cost == pytest.approx(anew.result.cost, rel=1e-3)
 
 
+def test_a_last_step_that_spoils_the_fit_is_not_taken(monkeypatch):
+    """It is not fitted again, and derivatives of what is not seen know nothing of large steps."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    rung = climb(rung.model.with_effect('coulomb_friction', {'tau_c': 5e-3}), bench)
+    names = [p.name for p in rung.model.parameters.free]
+    astray = np.where(np.array(names) == 'L', 10.0, 0.0)
+    monkeypatch.setattr(steps, 'newton_step', lambda *_: astray)
+    monkeypatch.setattr(steps, 'BRIEF', np.inf)
+    found, unsettled = steps._followed(rung, bench, np.full(len(names), 1e-9))
+    assert found.model['L'] == pytest.approx(rung.model['L'])
+    assert found.held.error_percent == pytest.approx(rung.held.error_percent)
+    assert unsettled[names.index('L')] > 0.0
+
+
 def test_where_known_derivatives_lead_nowhere_new_ones_are_taken():
     """Derivatives of half the size lead twice as far as they should, to and fro."""
     bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)

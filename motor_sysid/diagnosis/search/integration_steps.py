@@ -21,12 +21,13 @@ from motor_sysid.diagnosis.search.rung import (
     Rung,
     slopes,
     some_of,
+    SPOILED,
 )
 from motor_sysid.diagnosis.search.standard_errors import honest
 from motor_sysid.diagnosis.search.strides import strode
 from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.diagnosis.where.compare import compare
-from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Weighting
+from motor_sysid.estimation.batch import FitResult, Linearization, misfit, Problem, Weighting
 from motor_sysid.estimation.batch.least_squares import (
     newton_step,
     normal_equations,
@@ -256,7 +257,8 @@ def _followed(rung: Rung, bench: Bench, sigma: Array) -> tuple[Rung, Array]:
     It begins with the derivatives that are known, and learns from each step how the sum of squares
     is bent in these steps; where this leads nowhere, derivatives are taken again.  Where that
     leads nowhere either, the cost is rough, and the least that was seen counts.  On a bound the
-    model is fitted anew.
+    model is fitted anew.  The last step is not fitted again: it is taken unless it spoils what is
+    held out, as where a parameter that is not seen goes far astray.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     lower, upper = problem.box()
@@ -281,15 +283,22 @@ def _followed(rung: Rung, bench: Bench, sigma: Array) -> tuple[Rung, Array]:
         if not np.all(np.isfinite(move)) or np.any((z <= lower) | (z >= upper)):
             return climb(rung.model, bench, weighting, briefly=True), np.zeros(sigma.size)
         promise, moved = float(move @ gradient), np.abs(move) * slope
-        if promise < BRIEF * cost or np.all(moved <= MOVE * sigma):
-            near = [replace(one, residual=one.residual - one.slope @ move) for one in near]
-            z = np.clip(z + move, lower, upper)
-            best, unsettled = Solution(z, cost - promise, True, runs, runs, tuple(near)), 0 * move
-            break
         best, unsettled = Solution(z, cost, False, runs, runs, tuple(near)), moved
         z = np.clip(z + move, lower, upper)
-    found = result_at(problem, weighting, best, best.simulations, best.iterations)
-    return judge(found, bench, best.near), unsettled
+        if promise < BRIEF * cost or np.all(moved <= MOVE * sigma):
+            near = [replace(one, residual=one.residual - one.slope @ move) for one in near]
+            last_one = Solution(z, cost - promise, True, runs, runs, tuple(near))
+            found = _judged(problem, weighting, last_one, bench)
+            if found.held.error_percent < SPOILED * rung.held.error_percent:
+                return found, 0 * move
+            break
+    return _judged(problem, weighting, best, bench), unsettled
+
+
+def _judged(problem: Problem, weighting: Weighting, at: Solution, bench: Bench) -> Rung:
+    """Return the fit that is a solution."""
+    found = result_at(problem, weighting, at, at.simulations, at.iterations)
+    return judge(found, bench, at.near)
 
 
 def _secant(curvature: Array, step: Array, fall: Array) -> Array:
