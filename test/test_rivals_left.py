@@ -37,3 +37,11 @@ def test_bristles_with_a_stiction_that_is_not_seen_are_still_no_coulomb_friction
     """They bend: one shape of several that is lost in noise does not make the special case."""
     model = Model.base('brushed_dc').with_effect('lugre_friction', {'omega_s': 0.1})
     assert rivals_left({}, model, NOISE) == {}
+
+
+def test_a_special_case_has_the_rivals_of_what_it_took_the_place_of():
+    model = Model.base('brushed_dc').with_effect('flexible_shaft', {})
+    rivals = {'backlash': ('speed_sensor_lag',)}
+    assert rivals_left(rivals, model, NOISE) == {'flexible_shaft': ('speed_sensor_lag',)}
+    rivals['flexible_shaft'] = ()
+    assert rivals_left(rivals, model, NOISE) == {'flexible_shaft': ()}

@@ -149,14 +149,18 @@ def rivals_left(
 
     Where what a law adds to a special case is too small to be seen, that is one: a dead time whose
     ripple of current is on its lower bound, or below the `noise` of the sensor (unit to standard
-    deviation), may as well be brushes.
+    deviation), may as well be brushes.  A special case has the rivals of the effect whose place it
+    took.
     """
-    found = {key: (*rivals.get(key, ()), *_unseen(model, key, noise)) for key in model.effects}
-    return {
-        key: tuple(r for r in dict.fromkeys(names) if r not in model.effects)
-        for key, names in found.items()
-        if key in rivals or names
-    }
+    found: dict[str, tuple[str, ...]] = {}
+    for key in model.effects:
+        gone = [one for one in rivals if one not in model.effects]
+        wider = [one for one in gone if key in effect(one).card.generalises]
+        known = [name for one in ([key] if key in rivals else wider) for name in rivals[one]]
+        names = [*known, *_unseen(model, key, noise)]
+        if key in rivals or names:
+            found[key] = tuple(n for n in dict.fromkeys(names) if n not in model.effects)
+    return found
 
 
 def _unseen(model: Model, key: str, noise: Mapping[str, float]) -> list[str]:
