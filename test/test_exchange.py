@@ -159,6 +159,34 @@ def test_a_pair_that_only_adds_an_effect_must_help_as_a_further_one(monkeypatch,
     assert (engine.better(rung, (), {}) is not None) is taken
 
 
+@pytest.mark.parametrize(
+    ('sensor', 'held', 'taken'),
+    [
+        (SpeedSensor.IDEAL, 0.9, True), (SpeedSensor.IDEAL, 0.995, False),
+        (SpeedSensor.DIFFERENCE, 0.9, False),
+    ],
+)  # fmt: skip
+def test_what_was_chosen_for_another_speed_sensor_is_asked_again(monkeypatch, sensor, held, taken):
+    """A single effect, too: of what has the same evidence, what runs clearly better goes first."""
+    engine, both = exchange_of()
+    slim = both.model.without_effect('brush_voltage_drop').with_speed_sensor(sensor)
+    rung = climb(slim, engine.bench)
+    assert engine.chosen_blindly('coulomb_friction', rung) is (sensor is SpeedSensor.IDEAL)
+
+    def as_good(self, key, level, scores, gain):
+        trial, _ = refitted('asymmetric_coulomb_friction', engine.bench, level.rung)
+        error = held * rung.held.error_percent
+        run = replace(trial.rung, held=replace(rung.held, error_percent=error))
+        yield replace(trial, delta_bic=gain, rung=run)
+
+    monkeypatch.setattr(Exchange, 'substitutes', as_good)
+    engine.gains['coulomb_friction'] = 1e12
+    engine.score(rung)
+    other = engine.found(rung, (), {})
+    assert (other is not None) is taken
+    assert other is None or other.model.effects == ('asymmetric_coulomb_friction',)
+
+
 @pytest.mark.parametrize(('damping', 'taken'), [(0.05, True), (2.0, False)])
 def test_what_comes_to_the_limit_of_what_makes_sense_takes_no_place(monkeypatch, damping, taken):
     """A shaft that hardly swings is none; what brought it in was superfluous in the end."""

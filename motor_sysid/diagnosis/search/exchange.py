@@ -13,6 +13,7 @@ from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
 from motor_sysid.diagnosis.search.gates import (
     is_impossible,
     MIN_FURTHER_GAIN_PERCENT,
+    MIN_GAIN_PERCENT,
     senseless,
 )
 from motor_sysid.diagnosis.search.prune import pruned
@@ -111,8 +112,10 @@ class Exchange:
         weighting = self.seen[state_of(rung.model)][1].weighting
         cost, rows = profile_cost(rung, self.bench, weighting)
         left = cost - ONLY_NOISE * rows
-        doubtful = [key for key in own if left > RIVAL_SHARE * self.gains.get(key, 0.0)]
-        if left < 0 or not doubtful:
+        blind = [key for key in own if self.chosen_blindly(key, rung)]
+        least = {key: RIVAL_SHARE * self.gains.get(key, 0.0) for key in own}
+        doubtful = [key for key in own if key in blind or left > max(least[key], 0.0)]
+        if not doubtful:
             return None
         begun = [now for (keys, _), now in self.seen.items() if keys == frozenset(start)]
         first = begun[-1][1].pairs
@@ -122,11 +125,13 @@ class Exchange:
             slim, scores = self.without(rung, key)
             level = Level.of(slim, self.bench, scores.weighting)
             mine = level.gain(rung, self.bench)
-            if len(own) > 1:
+            if len(own) > 1 or key in blind:
                 for trial in self.substitutes(key, level, scores, mine):
                     if _spoils(trial.rung, rung):
                         continue
-                    if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine):
+                    if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine) or (
+                        key in blind and _runs_clearly_better(trial.rung, rung)
+                    ):
                         return self.exchanged(key, trial, rung)
                     found = compared(slim, rung, trial.rung)
                     if not alike(found):
@@ -198,6 +203,15 @@ class Exchange:
         self.tell(f'{trial.key} does better than {key}')
         self.gains[trial.key] = trial.delta_bic
         return climb(trial.rung.model, self.bench, rung.result.weighting)
+
+    def chosen_blindly(self, key: str, rung: Rung) -> bool:
+        """Whether an effect was chosen while the speed sensor was thought to be another one.
+
+        Counts have no room for an offset, say: a constant load was all that could explain it.
+        """
+        effects, sensor = state_of(rung.model.without_effect(key))
+        sensors = {measured for keys, measured in self.seen if keys == effects}
+        return bool(sensors) and sensor not in sensors
 
     def without(self, rung: Rung, key: str) -> tuple[Rung, Scores]:
         """Return the fit without one effect, and what then scores."""
@@ -309,6 +323,11 @@ class Exchange:
 def _spoils(other: Rung, rung: Rung) -> bool:
     """Whether another fit does worse on held-out data, whatever the training data say of it."""
     return other.held.error_percent > SPOILED * rung.held.error_percent
+
+
+def _runs_clearly_better(other: Rung, rung: Rung) -> bool:
+    """Whether another fit leaves a held-out error that is lower by more than a hundredth."""
+    return other.held.error_percent < (1 - MIN_GAIN_PERCENT / 100) * rung.held.error_percent
 
 
 def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:
