@@ -6,7 +6,7 @@ import pytest
 from test_trials import prepared
 
 from motor_sysid.diagnosis.search.gates import FAITHFUL, LEAST_CERTAINTY
-from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned
+from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned, relieved
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.model import SpeedSensor
 
@@ -140,3 +140,26 @@ def test_what_held_out_data_prove_stays_though_training_data_hardly_show_it(warm
     assert costs[0][0] - costs[1][0] < bench.threshold + 2 * np.log(costs[0][1])
     left = pruned(rung, bench, {}, lambda text: None, last=True).model.effects
     assert left == (('armature_heating',) if warm else ())
+
+
+@pytest.mark.parametrize(('held', 'left'), [(0.0, ('coulomb_friction',)), (0.1, None)])
+def test_what_held_out_data_run_better_without_goes_in_the_end(held, left):
+    """Brushes that only the training data have, and that are certain there; friction in both."""
+    rng = np.random.default_rng(6)
+    friction, drops = {'coulomb_friction': {'tau_c': TAU}}, (0.1, held)
+    runs = [
+        measure(
+            a_motor(friction | ({'brush_voltage_drop': {'v_b': drop}} if drop else {})),
+            voltage_profile('steps', 4.0, rng), rng,
+        )
+        for drop in drops
+    ]  # fmt: skip
+    bench, base = prepared(runs[:1], SpeedSensor.DIFFERENCE, held=runs[1:])
+    one = climb(base.model.with_effect('coulomb_friction', {'tau_c': TAU}, bench.scales), bench)
+    both = climb(one.model.with_effect('brush_voltage_drop', {'v_b': 0.1}, bench.scales), bench)
+    said = []
+    slim = relieved([(base, []), (one, []), (both, [])], bench, (), said.append)
+    assert slim.model.effects == (left or both.model.effects)
+    assert (slim is both) is (not said) is (left is None)
+    assert relieved([(base, []), (one, [])], bench, (), said.append) is one
+    assert relieved([(one, []), (both, [])], bench, one.model.effects, said.append) is both

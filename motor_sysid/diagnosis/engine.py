@@ -15,7 +15,7 @@ from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, r
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
-from motor_sysid.diagnosis.search.prune import pruned
+from motor_sysid.diagnosis.search.prune import pruned, relieved
 from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
@@ -268,11 +268,7 @@ class Engine:
         return pruned(finer, self.bench, self.gains, self.tell, last=True)
 
     def ahead(
-        self,
-        rung: Rung,
-        trials: Sequence[Trial],
-        base: Rung,
-        rivals: Rivals,
+        self, rung: Rung, trials: Sequence[Trial], base: Rung, rivals: Rivals
     ) -> tuple[Rung, list[Trial]] | None:
         """Return a fit with an effect that does not pass alone, and what passes on top of it.
 
@@ -305,6 +301,10 @@ class Engine:
         """Fit the last model exactly, and take back what then is nothing, or next to it."""
         while len(ladder) > 1:
             rung, trials = ladder[-1]
+            lighter = relieved(ladder, self.bench, start, self.tell)
+            if lighter is not rung:
+                self.put_last(lighter, ladder)
+                continue
             last, bench = exact(rung, self.bench)
             key, before = last.model.effects[-1], ladder[-2][0]
             grown = set(before.model.effects) < set(last.model.effects)
@@ -316,14 +316,18 @@ class Engine:
             if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)
                 if slim is not last:
-                    if set(slim.model.effects) <= set(before.model.effects):
-                        ladder.pop()
-                    else:
-                        ladder[-1] = self.round(slim, ladder[0][0])
+                    self.put_last(slim, ladder)
                     continue
             self.bench = bench
             ladder[-1] = polish(last, bench), trials
             break
+
+    def put_last(self, slim: Rung, ladder: Ladder) -> None:
+        """Put a fit with fewer effects in the place of the last one."""
+        if set(slim.model.effects) <= set(ladder[-2][0].model.effects):
+            ladder.pop()
+        else:
+            ladder[-1] = self.round(slim, ladder[0][0])
 
     def score(self, rung: Rung) -> Scores:
         """Score every candidate on a fitted model."""
@@ -340,12 +344,7 @@ class Engine:
         )
 
     def conclude(
-        self,
-        ladder: Ladder,
-        rivals: Rivals,
-        left: Remainder,
-        *,
-        doubted: bool = False,
+        self, ladder: Ladder, rivals: Rivals, left: Remainder, *, doubted: bool = False
     ) -> Diagnosis:
         """Give the verdict on a finished ladder and what its last model has `left`."""
         ladder = straightened(ladder, self.bench.threshold)
@@ -366,9 +365,7 @@ class Engine:
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
         steps = tuple(
-            step_of(
-                rung, sorted(trials, key=lambda t: t.key not in added), rivals, self.bench
-            )
+            step_of(rung, sorted(trials, key=lambda t: t.key not in added), rivals, self.bench)
             for (rung, trials), added in zip(ladder, after, strict=True)
         )
         shown = steps if named else steps[:1]

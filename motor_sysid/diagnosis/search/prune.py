@@ -4,8 +4,9 @@ While something else is missing, an effect may do duty for it, and a law with on
 may look better than the one that is there.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -16,11 +17,13 @@ from motor_sysid.diagnosis.search.gates import (
     is_certain,
     LEAST_CERTAINTY,
     MIN_CERTAIN_GAIN_PERCENT,
+    MIN_GAIN_PERCENT,
     SURE_GAIN,
 )
 from motor_sysid.diagnosis.search.refit import parameters_of, rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.search.rung import certainty, climb, FINER, profile_cost, Rung, some_of
-from motor_sysid.diagnosis.search.trial import ONLY_NOISE
+from motor_sysid.diagnosis.search.trial import Ladder, ONLY_NOISE
+from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch.least_squares import normal_equations
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -81,6 +84,40 @@ def pruned(
                 rung, narrowed_one = slim, True
                 break
     return pruned(rung, bench, gains, tell, last=True) if narrowed_one and not last else rung
+
+
+def relieved(
+    ladder: Ladder, bench: Bench, start: Sequence[str], tell: Callable[[str], None]
+) -> Rung:
+    """Return the last fit of a ladder, without an effect that held-out data run better without.
+
+    Beside others that were not in the model from the `start`.  The training data may have asked
+    for it while something else was missing, and ask for it still to mend what a law has not right.
+    What lowered the held-out error by much when it was added is not asked again.
+    """
+    rung = ladder[-1][0]
+    own = [key for key in rung.model.effects if key not in start]
+    for key in own if len(own) > 1 else []:
+        if _has_helped(key, ladder):
+            continue
+        model = numbered(rung.model.without_effect(key), bench.scales)
+        rough = rough_fit(model, rung.result.weighting, bench, ROUGH_STEPS, reweight=0)
+        held = compare(rough.model, bench.held, bench.outputs, substeps=bench.substeps)
+        if held.error_percent < rung.held.error_percent:
+            slim = climb(rough.model, bench, rung.result.weighting)
+            least = (1 - MIN_GAIN_PERCENT / 100) * rung.held.error_percent
+            if slim.held.error_percent < least:
+                tell(f'dropping {key}: held-out data do better without it')
+                return slim
+    return rung
+
+
+def _has_helped(key: str, ladder: Ladder) -> bool:
+    """Whether the held-out error fell by much with the fit in which an effect was new."""
+    for (before, _), (after, _) in pairwise(ladder):
+        if key in set(after.model.effects) - set(before.model.effects):
+            return 100 * (1 - combined_error(after.held, before.held)) > SURE_GAIN
+    return False
 
 
 def numbered(model: Model, scales: Scales) -> Model:
