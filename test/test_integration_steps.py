@@ -45,6 +45,19 @@ def test_what_coarse_steps_follow_badly_is_asked_again_in_finer_ones():
     assert finer.model.effects == rung.model.effects
 
 
+@pytest.mark.parametrize(('waves', 'finer'), [(2.0, False), (400.0, True)])
+def test_a_wave_that_coarse_steps_see_little_of_is_asked_again_in_finer_ones(waves, finer):
+    """However small it seems: long steps average it out."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    small = rung.model.with_effect('torque_ripple', {'a': 1e-6, 'b': 0.0, 'n': waves})
+    trial = SimpleNamespace(rung=SimpleNamespace(model=small))
+    found, asked = asked_finer(rung, [trial], bench)
+    assert (found.substeps, asked.substeps > bench.substeps) == (asked.substeps, finer)
+    if finer:
+        radians = waves * bench.scales.speed * bench.scales.sample / asked.substeps
+        assert radians <= 2 * steps.QUICK or asked.substeps == steps.UTMOST
+
+
 def test_many_waves_within_a_sample_are_followed():
     """Four of them pass in a sample at full speed, and nothing of the motor smooths them."""
     true = a_motor({'torque_ripple': {'a': 0.1, 'b': 0.0, 'n': 150.0}}).with_values({'L': 2e-5})

@@ -9,8 +9,16 @@ from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Settings, Verdict
 from motor_sysid.diagnosis.search import step_ahead
-from motor_sysid.diagnosis.search.gates import TAKES_OVER, TOO_LITTLE, UNPHYSICAL, UNSTEADY
+from motor_sysid.diagnosis.search.gates import (
+    NO_EVIDENCE,
+    TAKES_OVER,
+    TOO_LITTLE,
+    UNCERTAIN,
+    UNPHYSICAL,
+    UNSTEADY,
+)
 from motor_sysid.diagnosis.search.step_ahead import (
+    fast_waves,
     hopeful,
     in_its_place,
     second_of,
@@ -47,6 +55,26 @@ def test_only_what_held_out_data_alone_refuse_is_looked_beyond():
 def test_a_friction_may_be_nothing_for_want_of_a_load():
     friction = trial(9e4, f'b (viscous friction) {TAKES_OVER}')
     assert hopeful([friction], THRESHOLD) == [friction]
+
+
+def wave(key, note):
+    """Return a trial of an effect that was fitted."""
+    rung = SimpleNamespace(model=SimpleNamespace(effects=(key,)))
+    variant = SimpleNamespace(effect=effect(key))
+    scored = SimpleNamespace(variant=variant)
+    return SimpleNamespace(key=key, scored=scored, rung=rung, note=note)
+
+
+def test_waves_that_have_evidence_and_do_not_pass_may_want_finer_steps():
+    kept_out = [wave('torque_ripple', UNCERTAIN), wave('cogging_torque', f'{TOO_LITTLE} nothing')]
+    others = [
+        wave('torque_ripple', ''), wave('torque_ripple', NO_EVIDENCE),
+        wave('coulomb_friction', UNCERTAIN),
+    ]  # fmt: skip
+    assert fast_waves([*others, *kept_out]) == kept_out
+    never_fitted = wave('torque_ripple', UNCERTAIN)
+    never_fitted.rung.model.effects = ()
+    assert fast_waves([never_fitted]) == []
 
 
 @pytest.mark.parametrize(

@@ -46,7 +46,7 @@ from motor_sysid.diagnosis.search.rung import (
     vanished,
     with_better_sensor,
 )
-from motor_sysid.diagnosis.search.step_ahead import hopeful, in_its_place, second_of
+from motor_sysid.diagnosis.search.step_ahead import fast_waves, hopeful, in_its_place, second_of
 from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.settings import Settings
@@ -136,6 +136,7 @@ class Engine:
                 break
             if not any(t.passes for t in trials):
                 held_back = hopeful(trials, self.bench.threshold)
+                held_back += fast_waves(trials)
                 finer, self.bench = asked_finer(rung, held_back, self.bench)
                 if finer is not rung:
                     self.tell(f'asking again in {self.bench.substeps} steps a sample')

@@ -107,12 +107,15 @@ def asked_finer(rung: Rung, tried: Sequence[Trial], bench: Bench) -> tuple[Rung,
     """Return a fit in steps as fine as what was tried on it asks for, if that takes finer ones.
 
     Coarse ones follow a law that bends within a sample, that of a dead time say, so badly that
-    held-out data refuse it.
+    held-out data refuse it.  Of a wave that passes within a step they see little.
     """
     most = bench.substeps
     for trial in tried:
         model = trial.rung.model
         most = max(most, _fine_enough(model, replace(bench, train=some_of(bench, model)))[0])
+        radians = _ripples(model, bench) / most
+        while radians > 2 * QUICK and most < UTMOST:
+            most, radians = 2 * most, radians / 2
     if most == bench.substeps:
         return rung, bench
     finer = replace(bench, substeps=most)

@@ -19,6 +19,7 @@ from motor_sysid.diagnosis.search.gates import (
     steadiness,
     SURE,
     TAKES_OVER,
+    UNCERTAIN,
 )
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.ranking import AT_NOISE, RIVAL_BIC, RIVAL_SHARE, winner_of
@@ -38,6 +39,18 @@ def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
     sure = [t for t in trials if t.delta_bic > SURE * threshold]
     found = [t for t in sure if t.note.startswith(HELD_BACK) or t.note.endswith(TAKES_OVER)]
     return sorted(found, key=lambda t: -t.delta_bic)[:STEPS]
+
+
+def fast_waves(trials: Sequence[Trial]) -> list[Trial]:
+    """Return the trials of waves over a turn that have evidence and do not pass all the same.
+
+    Steps that are long for the wave see little of it.
+    """
+    return [
+        t for t in trials
+        if t.scored.variant.effect.card.orders and t.key in t.rung.model.effects
+        and t.note.startswith((UNCERTAIN, *HELD_BACK))
+    ]
 
 
 def second_of(further: Sequence[Trial], old: Rung) -> Trial | None:
