@@ -57,24 +57,21 @@ def test_a_friction_may_be_nothing_for_want_of_a_load():
     assert hopeful([friction], THRESHOLD) == [friction]
 
 
-def wave(key, note):
+def wave(key, note, delta=9.0):
     """Return a trial of an effect that was fitted."""
     rung = SimpleNamespace(model=SimpleNamespace(effects=(key,)))
-    variant = SimpleNamespace(effect=effect(key))
-    scored = SimpleNamespace(variant=variant)
-    return SimpleNamespace(key=key, scored=scored, rung=rung, note=note)
+    scored = SimpleNamespace(variant=SimpleNamespace(effect=effect(key)))
+    return SimpleNamespace(key=key, scored=scored, rung=rung, note=note, delta_bic=delta)
 
 
-def test_waves_that_have_evidence_and_do_not_pass_may_want_finer_steps():
-    kept_out = [wave('torque_ripple', UNCERTAIN), wave('cogging_torque', f'{TOO_LITTLE} nothing')]
-    others = [
-        wave('torque_ripple', ''), wave('torque_ripple', NO_EVIDENCE),
-        wave('coulomb_friction', UNCERTAIN),
-    ]  # fmt: skip
-    assert fast_waves([*others, *kept_out]) == kept_out
-    never_fitted = wave('torque_ripple', UNCERTAIN)
-    never_fitted.rung.model.effects = ()
-    assert fast_waves([never_fitted]) == []
+@pytest.mark.parametrize('note', [UNCERTAIN, f'{TOO_LITTLE} nothing'])
+def test_a_wave_that_has_most_evidence_and_does_not_pass_may_want_finer_steps(note):
+    ripple, other = wave('torque_ripple', note), wave('coulomb_friction', NO_EVIDENCE, 8.0)
+    assert fast_waves([other, ripple]) == [ripple]
+    for better in (wave('coulomb_friction', UNCERTAIN, 10.0), wave('cogging_torque', '', 10.0)):
+        assert fast_waves([other, ripple, better]) == []
+    ripple.rung.model.effects = ()
+    assert fast_waves([other, ripple]) == fast_waves([]) == []
 
 
 @pytest.mark.parametrize(

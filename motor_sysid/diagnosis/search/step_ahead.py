@@ -42,15 +42,15 @@ def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
 
 
 def fast_waves(trials: Sequence[Trial]) -> list[Trial]:
-    """Return the trials of waves over a turn that have evidence and do not pass all the same.
+    """Return the trial with the most evidence, if it is of a wave over a turn and does not pass.
 
     Steps that are long for the wave see little of it.
     """
-    return [
-        t for t in trials
-        if t.scored.variant.effect.card.orders and t.key in t.rung.model.effects
-        and t.note.startswith((UNCERTAIN, *HELD_BACK))
-    ]
+    best = max(trials, key=lambda t: t.delta_bic, default=None)
+    if best is None or best.key not in best.rung.model.effects:
+        return []
+    waves = bool(best.scored.variant.effect.card.orders)
+    return [best] if waves and best.note.startswith((UNCERTAIN, *HELD_BACK)) else []
 
 
 def second_of(further: Sequence[Trial], old: Rung) -> Trial | None:
