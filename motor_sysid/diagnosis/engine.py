@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
+from motor_sysid.diagnosis.search.further import RESTLESS
 from motor_sysid.diagnosis.search.gates import is_told, MIN_FURTHER_GAIN_PERCENT, why_idle
 from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
@@ -40,6 +41,7 @@ from motor_sysid.diagnosis.search.rounds import (
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
+    leaves_much,
     profile_cost,
     Rung,
     SPOILED,
@@ -136,7 +138,8 @@ class Engine:
                 break
             if not any(t.passes for t in trials):
                 held_back = hopeful(trials, self.bench.threshold)
-                held_back += fast_waves(trials)
+                if leaves_much(rung, self.bench, RESTLESS):
+                    held_back += fast_waves(trials)
                 finer, self.bench = asked_finer(rung, held_back, self.bench)
                 if finer is not rung:
                     self.tell(f'asking again in {self.bench.substeps} steps a sample')
