@@ -78,6 +78,18 @@ def test_parameters_that_are_others_there_are_missing_physics_unless_a_trifle(
     assert left.structured is structured
 
 
+@pytest.mark.parametrize(
+    ('sigma', 'alone', 'moves'),
+    [(0.1, 0.8, True), (0.5, 0.8, False), (np.inf, 0.8, False), (0.5, 0.2, True)],
+    ids=['known', 'left open', 'not seen', 'others move'],
+)
+def test_a_value_that_the_training_data_leave_open_is_no_missing_physics(sigma, alone, moves):
+    """It moves by 1; larger motion in the held-out data may show it far better."""
+    one = replace(motor('brushed_dc').parameters[0], value=1.0, sigma=sigma)
+    left = Remainder({}, 0.5, 5.0, 4.0, 0.0, other=OtherValues(0.8, one, 2.0, alone))
+    assert left.moves is left.structured is moves
+
+
 def test_a_winding_that_is_another_over_held_out_data_is_no_complete_model():
     """The training data know nothing of it, and none of the candidates is it."""
     train = [steps({}, seed) for seed in (1, 2)]

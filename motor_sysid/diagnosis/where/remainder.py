@@ -152,7 +152,7 @@ class Remainder:
     @property
     def moves(self) -> bool:
         """Whether held-out data ask for other values of parameters than random loads do."""
-        return self.other is not None and self.other.share > MOVED
+        return self.other is not None and self.other.told > MOVED
 
     @property
     def share(self) -> float:
@@ -160,7 +160,7 @@ class Remainder:
         share = max(self.predictable, self.swing.share if self.swing else 0.0)
         share = max(share, 1.0 - self.unevenness**-2) if self.uneven else share
         share = max(share, self.drift) if self.drifts else share
-        return max(share, self.other.share) if self.other and self.moves else share
+        return max(share, self.other.told) if self.other and self.moves else share
 
     @property
     def structured(self) -> bool:
@@ -250,7 +250,7 @@ def _held_alone(
 ) -> float:
     """Return `Remainder.held_alone` from the (n_y,) errors and the noise."""
     ratio = float(np.max(held / np.maximum(np.maximum(training, noise), 1e-300)))
-    if other and other.share > MOVED:
+    if other and other.told > MOVED:
         ratio = max(ratio, other.times)
     alone = ratio > ONLY_THERE and data is not None and _cross_validated(*data[0]) < STRUCTURE
     return ratio if alone else 1.0
