@@ -8,6 +8,8 @@ from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.diagnosis.where.uneven_records import unevenness_of
 from motor_sysid.signals.record import Record
 
+ONES, PLAIN = np.ones(2), (False, False)
+
 
 class Stretch:
     """A scored stretch of data, under control or not."""
@@ -40,22 +42,22 @@ def chains(count: int) -> list[tuple[Stretch, ...]]:
 def test_the_worst_record_counts(sizes, expected):
     """In training or held back; noise alone is even."""
     *train, held = sizes
-    found = unevenness_of(comparison(*train), comparison(held), (chains(2), chains(1)), np.ones(2))
+    found = unevenness_of(comparison(*train), comparison(held), (chains(2), chains(1)), ONES, PLAIN)
     assert found == pytest.approx(expected, rel=0.1)
 
 
 def test_less_than_sensor_noise_is_no_measure():
     """An encoder at rest has no error at all, which makes no other record a bad one."""
-    found = unevenness_of(comparison(1e-6, 1), comparison(1), (chains(2), chains(1)), np.ones(2))
+    found = unevenness_of(comparison(1e-6, 1), comparison(1), (chains(2), chains(1)), ONES, PLAIN)
     assert found < 1.2
 
 
 def test_records_under_control_are_compared_apart():
     """A controller lets random loads do less to the speed, in every record that it runs."""
     closed = [(Stretch(closed=True),)] * 2
-    found = unevenness_of(comparison(1, 1), comparison(5), (closed, chains(1)), np.ones(2))
+    found = unevenness_of(comparison(1, 1), comparison(5), (closed, chains(1)), ONES, PLAIN)
     assert found < 1.2
-    found = unevenness_of(comparison(1, 1), comparison(5, 1), (closed, chains(2)), np.ones(2))
+    found = unevenness_of(comparison(1, 1), comparison(5, 1), (closed, chains(2)), ONES, PLAIN)
     assert found == pytest.approx(5.0, rel=0.1)
 
 
@@ -63,7 +65,7 @@ def test_a_record_in_pieces_counts_as_one():
     """Pieces of one record are taken together: what happens once in it is no other record."""
     pieces = comparison(1, 1, 1, 9)
     one = [(Stretch(),) * 4]
-    found = unevenness_of(pieces, comparison(4.5), (one, chains(1)), np.ones(2))
+    found = unevenness_of(pieces, comparison(4.5), (one, chains(1)), ONES, PLAIN)
     assert found < 1.2
 
 
@@ -74,3 +76,13 @@ def test_an_uneven_model_lacks_something_unless_it_is_a_trifle(unevenness, error
     """Nothing predicts it, and yet it is no noise; below 1 % of the signal no law is exact."""
     left = Remainder({'speed': 0.1}, 0.5, error, 4.0, 0.0, None, unevenness)
     assert left.structured is structured
+
+
+@pytest.mark.parametrize(('late', 'expected'), [(True, 1.0), (False, 1.86)])
+def test_counts_that_a_motion_is_in_step_with_make_no_record_an_uneven_one(late, expected):
+    """The difference errs by half a count at 3.5 counts a sample, and by less at 3.1."""
+    rng = np.random.default_rng(5)
+    counts = [rng.choice(3, (4000, 2), p=p) for p in ((0.5, 0.49, 0.01), (0.94, 0.05, 0.01))]
+    parts = [Comparison(5.0, {}, (), (c - np.mean(c),), (c + 3.0,)) for c in counts]
+    found = unevenness_of(*parts, (chains(1), chains(1)), np.full(2, 0.21), (late, late))
+    assert found == pytest.approx(expected, rel=0.05)

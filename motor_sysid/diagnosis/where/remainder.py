@@ -225,7 +225,7 @@ def examine_remainder(
         float(np.max(error / np.maximum(noise, 1e-300))),
         _predictable(*data) if data else 1.0,
         swing_of(training, held, chains),
-        unevenness_of(training, held, chains, noise),
+        unevenness_of(training, held, chains, noise, differenced),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
         float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
         _held_alone(_rms(training), _rms(held), noise, data, other),

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.methods.reference import moving_references
+from motor_sysid.signals.lattice import lattice
 
 Array = NDArray[np.float64]
 
@@ -21,18 +22,25 @@ UNEVEN = 1.5
 """Ratio of the errors of two records from which on the model lacks something; complete models with
 random loads reach 1.2."""
 
+OF_COUNTS = 0.5
+"""Most that the difference of counts may err by, root mean square, in units of its step: that of
+two values in equal parts.  A motion in step with the counts makes less of it, down to nothing."""
+
 
 def unevenness_of(
     training: Comparison,
     held: Comparison,
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     noise: Array,
+    differenced: Sequence[bool],
 ) -> float:
     """Return how many times larger an output's error is in one record than in another, at most.
 
-    The smaller one counts as sensor noise at least, which is `noise` (n_y,).  Records under
-    control and others are compared apart: a controller lets random loads do less to the speed.
+    The smaller one counts as sensor noise at least, which is `noise` (n_y,), or what counts make
+    at most where an output is the difference of these.  Records under control and others are
+    compared apart: a controller lets random loads do less to the speed.
     """
+    noise = np.maximum(noise, _of_counts([*training.measured, *held.measured], differenced))
     residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
     loops = [loop for side in chains for loop in _loops(side)]
     ratios = [1.0]
@@ -42,6 +50,16 @@ def unevenness_of(
         best = np.maximum(np.min(errors, axis=0), noise)
         ratios.append(float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300))))
     return max(ratios)
+
+
+def _of_counts(measured: Sequence[Array], differenced: Sequence[bool]) -> Array:
+    """Return (n_y,) the most that counts make of each output (N, n_y); 0 where it is of none."""
+    columns = np.concatenate(measured).T
+    steps = [
+        lattice(column) if late else None
+        for column, late in zip(columns, differenced, strict=True)
+    ]
+    return np.array([OF_COUNTS * found.step if found else 0.0 for found in steps])
 
 
 def _loops(chains: Sequence[Chain]) -> Iterator[bool]:
