@@ -42,7 +42,8 @@ def chains(count: int) -> list[tuple[Stretch, ...]]:
 def test_the_worst_record_counts(sizes, expected):
     """In training or held back; noise alone is even."""
     *train, held = sizes
-    found = unevenness_of(comparison(*train), comparison(held), (chains(2), chains(1)), ONES, PLAIN)
+    held_back = comparison(held)
+    found = unevenness_of(comparison(*train), held_back, (chains(2), chains(1)), ONES, PLAIN)
     assert found == pytest.approx(expected, rel=0.1)
 
 
