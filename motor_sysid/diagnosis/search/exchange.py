@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
 from motor_sysid.diagnosis.search.gates import (
     is_impossible,
+    is_usual,
     MIN_FURTHER_GAIN_PERCENT,
     MIN_GAIN_PERCENT,
     senseless,
@@ -208,7 +209,10 @@ class Exchange:
         """Whether an effect was chosen while the speed sensor was thought to be another one.
 
         Counts have no room for an offset, say: a constant load was all that could explain it.
+        What every motor has goes before all else, whatever the sensor.
         """
+        if is_usual(effect(key), rung.model):
+            return False
         effects, sensor = state_of(rung.model.without_effect(key))
         sensors = {measured for keys, measured in self.seen if keys == effects}
         return bool(sensors) and sensor not in sensors
