@@ -113,7 +113,8 @@ def asked_finer(rung: Rung, tried: Sequence[Trial], bench: Bench) -> tuple[Rung,
     for trial in tried:
         model = trial.rung.model
         most = max(most, _fine_enough(model, replace(bench, train=some_of(bench, model)))[0])
-        radians = _ripples(model, bench) / most
+        fast = _ripples(model, bench)
+        radians = fast / most if fast > _ripples(rung.model, bench) else 0.0
         while radians > 2 * QUICK and most < UTMOST:
             most, radians = 2 * most, radians / 2
     if most == bench.substeps:

@@ -44,12 +44,14 @@ def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
 def fast_waves(trials: Sequence[Trial]) -> list[Trial]:
     """Return the trial with the most evidence, if it is of a wave over a turn and does not pass.
 
-    Steps that are long for the wave see little of it.
+    Steps that are long for the wave see little of it.  A second set of waves is not asked for: the
+    first has had its steps.
     """
     best = max(trials, key=lambda t: t.delta_bic, default=None)
     if best is None or best.key not in best.rung.model.effects:
         return []
-    waves = bool(best.scored.variant.effect.card.orders)
+    one = best.scored.variant.effect
+    waves = bool(one.card.orders) and not one.after
     return [best] if waves and best.note.startswith((UNCERTAIN, *HELD_BACK)) else []
 
 
