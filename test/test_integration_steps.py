@@ -53,6 +53,8 @@ def test_a_wave_that_coarse_steps_see_little_of_is_asked_again_in_finer_ones(wav
     trial = SimpleNamespace(rung=SimpleNamespace(model=small))
     found, asked = asked_finer(rung, [trial], bench)
     assert (found.substeps, asked.substeps > bench.substeps) == (asked.substeps, finer)
+    there = replace(rung, result=replace(rung.result, model=small))
+    assert asked_finer(there, [trial], bench) == (there, bench)
     if finer:
         radians = waves * bench.scales.speed * bench.scales.sample / asked.substeps
         assert radians <= 2 * steps.QUICK or asked.substeps == steps.UTMOST

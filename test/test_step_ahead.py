@@ -70,6 +70,7 @@ def test_a_wave_that_has_most_evidence_and_does_not_pass_may_want_finer_steps(no
     assert fast_waves([other, ripple]) == [ripple]
     for better in (wave('coulomb_friction', UNCERTAIN, 10.0), wave('cogging_torque', '', 10.0)):
         assert fast_waves([other, ripple, better]) == []
+    assert fast_waves([other, wave('cogging_torque_2', note)]) == []
     ripple.rung.model.effects = ()
     assert fast_waves([other, ripple]) == fast_waves([]) == []
 

@@ -96,7 +96,7 @@ def run_block(  # type: ignore[no-untyped-def]
     width:
         (S, W) length of a step in s.
     wide:
-        Lanes that are used, at most W; the others are left alone.
+        Lanes that are used, a multiple of `GROUP` and at most W; the others are left alone.
     coarse:
         How many pieces a sample is made of; what follows are finer steps, which are taken where a
         stiff law turns within a step.  Without them no step is taken again.

@@ -40,7 +40,11 @@ def call_lane(typingctx, address, base, own, state, wide):  # type: ignore[no-un
 
 @intrinsic
 def on_stack(typingctx, count):  # type: ignore[no-untyped-def]
-    """Return a pointer to room for `count` float64, until the function that calls this returns."""
+    """Return a pointer to room for `count` float64, until the function that calls this returns.
+
+    Each call takes more of the stack, so not in a loop; and a function that LLVM inlines gives the
+    room back where it ends, so not with ``forceinline``.
+    """
     signature = types.CPointer(types.float64)(types.int64)
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
@@ -55,8 +59,8 @@ def on_stack(typingctx, count):  # type: ignore[no-untyped-def]
 def new_rows(count):  # type: ignore[no-untyped-def]
     """Return an array (count, 32) on the stack, not set to anything.
 
-    The compiler sees that no other array overlaps it.  Where it does not, every loop begins with
-    the question whether arrays do, which takes longer than eight lanes of a sum.
+    The compiler sees that no other array overlaps it.  Where it does not, every loop over lanes
+    begins with the question whether arrays do: most of the instructions of a step were of that.
     """
     return carray(on_stack(count * LANES), (count, LANES))  # type: ignore[call-arg]
 

@@ -44,6 +44,7 @@ _EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0))
 _ALL_THE_SAME = np.empty((3, 0), dtype=np.int64)
 
+
 class Program:
     """A motor with effects, compiled: a list of law addresses and where their numbers lie.
 

@@ -14,10 +14,9 @@ from motor_sysid.diagnosis.search.gates import (
     is_impossible,
     is_usual,
     MIN_FURTHER_GAIN_PERCENT,
-    MIN_GAIN_PERCENT,
     senseless,
 )
-from motor_sysid.diagnosis.search.prune import pruned
+from motor_sysid.diagnosis.search.prune import pruned, runs_clearly_better
 from motor_sysid.diagnosis.search.ranking import (
     margin_of,
     may_rival,
@@ -131,7 +130,7 @@ class Exchange:
                     if _spoils(trial.rung, rung):
                         continue
                     if trial.delta_bic > mine + max(RIVAL_BIC, RIVAL_SHARE * mine) or (
-                        key in blind and _runs_clearly_better(trial.rung, rung)
+                        key in blind and runs_clearly_better(trial.rung, rung)
                     ):
                         return self.exchanged(key, trial, rung)
                     found = compared(slim, rung, trial.rung)
@@ -327,11 +326,6 @@ class Exchange:
 def _spoils(other: Rung, rung: Rung) -> bool:
     """Whether another fit does worse on held-out data, whatever the training data say of it."""
     return other.held.error_percent > SPOILED * rung.held.error_percent
-
-
-def _runs_clearly_better(other: Rung, rung: Rung) -> bool:
-    """Whether another fit leaves a held-out error that is lower by more than a hundredth."""
-    return other.held.error_percent < (1 - MIN_GAIN_PERCENT / 100) * rung.held.error_percent
 
 
 def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:

@@ -105,11 +105,15 @@ def relieved(
         held = compare(rough.model, bench.held, bench.outputs, substeps=bench.substeps)
         if held.error_percent < rung.held.error_percent:
             slim = climb(rough.model, bench, rung.result.weighting)
-            least = (1 - MIN_GAIN_PERCENT / 100) * rung.held.error_percent
-            if slim.held.error_percent < least:
+            if runs_clearly_better(slim, rung):
                 tell(f'dropping {key}: held-out data do better without it')
                 return slim
     return rung
+
+
+def runs_clearly_better(other: Rung, rung: Rung) -> bool:
+    """Whether another fit leaves a held-out error that is lower by more than a hundredth."""
+    return other.held.error_percent < (1 - MIN_GAIN_PERCENT / 100) * rung.held.error_percent
 
 
 def _has_helped(key: str, ladder: Ladder) -> bool:
