@@ -61,7 +61,7 @@ from motor_sysid.physics.implicit import (
     secants,
     settle,
 )
-from motor_sysid.physics.native import as_pointer, GROUP, LANES, new_row, new_rows, on_stack
+from motor_sysid.physics.native import as_pointer, LANES, new_row, new_rows, on_stack
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.readings import hold_shown, shares, show
 from motor_sysid.physics.track import follow, meet
@@ -96,7 +96,7 @@ def run_block(  # type: ignore[no-untyped-def]
     width:
         (S, W) length of a step in s.
     wide:
-        Lanes that are used, a multiple of `GROUP` and at most W; the others are left alone.
+        Lanes that are used, at most W; the others are left alone.
     coarse:
         How many pieces a sample is made of; what follows are finer steps, which are taken where a
         stiff law turns within a step.  Without them no step is taken again.
@@ -138,7 +138,6 @@ def run_block(  # type: ignore[no-untyped-def]
     outputs:
         (N - first, n_y, W) model outputs at the sample times.
     """
-    wide &= -GROUP
     pieces, n, m, n_u = whole.shape[0], whole.shape[1], phi1_force.shape[2], inputs.shape[1]
     fine = pieces // coarse - 1
     n_lanes, n_slopes = lane_calls.shape[0], slope_calls.shape[0]

@@ -7,10 +7,6 @@ from numba.extending import intrinsic
 LANES = 32
 """Parameter vectors that one block carries: enough for the compiler to keep the loop rolled."""
 
-GROUP = 8
-"""Lanes of a block that are computed together: one of fewer parameter vectors costs less.  The
-kernel runs ``wide & -GROUP``: so the compiler sees that no loop has a rest."""
-
 
 @intrinsic
 def as_pointer(typingctx, address):  # type: ignore[no-untyped-def]

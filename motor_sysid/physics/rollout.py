@@ -24,7 +24,6 @@ from motor_sysid.physics.lanes import (
 from motor_sysid.physics.linear_effects import LinearEffects
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
-from motor_sysid.physics.native import GROUP
 from motor_sysid.physics.pace import Pace
 from motor_sysid.physics.readings import filter_of, NONE, placed
 from motor_sysid.physics.side_by_side import run_side_by_side
@@ -43,6 +42,9 @@ Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0))
 _ALL_THE_SAME = np.empty((3, 0), dtype=np.int64)
+
+GROUP = 8
+"""Lanes that are computed together: a block of fewer parameter vectors costs less."""
 
 
 class Program:
