@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 import resource
 import signal
+import socket
 import subprocess
 import sys
 
@@ -23,7 +24,7 @@ from ros_harness import NodeProcess, nodes, parameters, wait_for
 from motor_sysid.cli import main
 from motor_sysid.errors import UserError
 from motor_sysid.nodes.intake import RawTopic
-from motor_sysid.nodes.launcher import node_processes
+from motor_sysid.nodes.launcher import choose_domain, node_processes
 from motor_sysid.nodes.monitor import Monitor
 from motor_sysid.nodes.replay import replay
 from motor_sysid.recording import load
@@ -261,3 +262,30 @@ def test_the_demo_refuses_what_it_cannot_do(
         assert main(['demo', '--out', str(tmp_path / 'x'), *arguments]) == 2
         assert message in capsys.readouterr().err
     assert not (tmp_path / 'x').exists()
+
+
+def test_a_domain_that_any_participant_is_in_is_not_chosen(monkeypatch):
+    """Nodes that outlived the first one hold the ports of later ones alone."""
+    monkeypatch.delenv('ROS_DOMAIN_ID')
+    domain = choose_domain()
+    monkeypatch.delenv('ROS_DOMAIN_ID')
+    assert choose_domain() == domain
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as third:
+        third.bind(('', 7410 + 250 * domain + 2 * 2))
+        monkeypatch.delenv('ROS_DOMAIN_ID')
+        assert choose_domain() != domain
+
+
+def test_the_domain_of_a_running_node_is_not_chosen(monkeypatch):
+    """Of real DDS; the node is in the domain of these tests."""
+    own = os.environ['ROS_DOMAIN_ID']
+    context = Context()
+    rclpy.init(context=context)
+    try:
+        node = Node('there', context=context)
+        monkeypatch.setattr(os, 'getpid', lambda: int(own) - 1)
+        monkeypatch.delenv('ROS_DOMAIN_ID')
+        assert str(choose_domain()) != own
+        node.destroy_node()
+    finally:
+        rclpy.shutdown(context=context)

@@ -20,6 +20,9 @@ SHOWN = 12
 PARTING = 15.0
 """Seconds that a node has to close before it is killed."""
 
+PARTICIPANTS = 32
+"""Participants of a domain whose ports are looked at."""
+
 PR_SET_PDEATHSIG = 1
 
 Value = bool | int | float | str | Sequence[str]
@@ -126,7 +129,7 @@ def _die_with_parent() -> None:
 def choose_domain() -> int:
     """Keep this run apart from other ROS systems on the machine and the network.
 
-    Takes a domain whose discovery port is free, on this machine alone, unless the user has set
+    Takes a domain that nobody on this machine is in, and stays on it, unless the user has set
     ROS_DOMAIN_ID or ROS_AUTOMATIC_DISCOVERY_RANGE; returns the domain.
     """
     os.environ.setdefault('ROS_AUTOMATIC_DISCOVERY_RANGE', 'LOCALHOST')
@@ -138,10 +141,18 @@ def choose_domain() -> int:
 
 
 def _is_free(domain: int) -> bool:
-    """Tell whether the first participant's port of a domain (DDSI-RTPS 2.5, 9.6.2) is free."""
+    """Tell whether the ports of all participants of a domain (DDSI-RTPS 2.5, 9.6.2) are free.
+
+    Of nodes that have outlived the one that was first, the first port alone tells nothing.
+    """
+    first = 7410 + 250 * domain
+    return all(_is_unbound(first + 2 * number) for number in range(PARTICIPANTS))
+
+
+def _is_unbound(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind(('', 7410 + 250 * domain))
+            probe.bind(('', port))
         except OSError:
             return False
         return True
