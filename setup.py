@@ -57,7 +57,13 @@ setup(
         ],
         # A peer that `motor-sysid benchmark` compares with, where it is there.
         'bench': ['pysindy>=2.0'],
-        'test': ['hypothesis', 'playwright', 'pytest>=7.4', 'pytest-timeout>=2.2'],
+        'test': [
+            'hypothesis',
+            'mujoco>=3.1,<4',
+            'playwright',
+            'pytest>=7.4',
+            'pytest-timeout>=2.2',
+        ],
         'dev': [
             'colcon-bash',
             'colcon-core',

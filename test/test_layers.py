@@ -17,6 +17,7 @@ LIBRARY = {
     'estimation': {'signals', 'physics'},
     'structures': {'signals', 'physics'},
     'control': {'signals', 'physics', 'estimation', 'structures'},
+    'export': {'signals', 'physics', 'control'},
     'diagnosis': {'signals', 'physics', 'estimation', 'structures', 'control'},
 }
 ALLOWED = {

@@ -1,0 +1,42 @@
+"""A script for MATLAB (Control System Toolbox) or GNU Octave (package control)."""
+
+from motor_sysid.export import words
+from motor_sysid.export.linear import linear_plant
+from motor_sysid.export.settings import Settings
+from motor_sysid.physics.model import Model
+
+TITLE = 'script with parameters and state space (MATLAB, GNU Octave)'
+SUFFIX = '.m'
+
+
+def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
+    """Return the text, and what is left out."""
+    plant, name = linear_plant(model), settings.name
+    lines = [f'% {line}' for line in words.heading(model)]
+    lines += ['% dx/dt = A x + B u, y = C x + D u', ' '.join(['% states:', *_names(plant.states)])]
+    for p in model.parameters:
+        told = words.with_sigma(p.value, p.sigma or 0.0, p.unit)
+        field = p.name.replace('.', '_')
+        lines.append(f'{name}.{field} = {words.number(p.value)};  % {told}: {p.description}')
+    for letter in 'abcd':
+        matrix = getattr(plant, letter).tolist()
+        lines.append(f'{name}.{letter.upper()} = {words.rows(matrix, "[", "; ", "];")}')
+    put = [_cell([n for n, _ in names]) for names in (plant.inputs, plant.outputs, plant.states)]
+    lines += [
+        f'{name}.sys = ss({name}.A, {name}.B, {name}.C, {name}.D);',
+        f'set({name}.sys, "InputName", {put[0]}, "OutputName", {put[1]}, "StateName", {put[2]});',
+    ]
+    if plant.delay:
+        lines.append(f'{name}.sys.InputDelay = {words.number(plant.delay)};  % s')
+    if settings.rate:
+        lines.append(f'{name}.sysd = c2d({name}.sys, {words.number(1.0 / settings.rate)});')
+    lines += [f'% {line}' for line in words.left_out(plant.left_out)]
+    return '\n'.join(lines) + '\n', plant.left_out
+
+
+def _names(pairs: tuple[tuple[str, str], ...]) -> list[str]:
+    return [f'{name} [{unit}]' if unit else name for name, unit in pairs]
+
+
+def _cell(names: list[str]) -> str:
+    return '{' + ', '.join(f'"{name}"' for name in names) + '}'
