@@ -278,6 +278,17 @@ def test_urdf_is_xml_and_tells_what_the_supply_allows() -> None:
     assert float(limit.get('velocity', 0)) == pytest.approx(plant.state['omega'] / 2, rel=1e-3)
 
 
+def test_notes_of_any_text_break_no_format() -> None:
+    model = DRY.with_provenance(data='a*/b', by='one\nint x;\n--')
+    assert export(model, 'c_header').text.count('*/') == export(DRY, 'c_header').text.count('*/')
+    for name in ('mujoco', 'urdf'):
+        ElementTree.fromstring(export(model, name).text)
+    for name in ('feedforward', 'pid'):
+        assert yaml.safe_load(export(model, name, ALL).text)
+    lines = export(model, 'matlab').text.splitlines()
+    assert all(line[0] == '%' or line.startswith(('motor.', 'set(')) for line in lines)
+
+
 def test_bodies_of_the_simulator_are_taken_off() -> None:
     with pytest.raises(UserError, match='more than all that turned with the motor, 8e-05'):
         export(DRY, 'mujoco', Settings(body_inertia=1e-3))

@@ -19,7 +19,8 @@ def heading(model: Model) -> list[str]:
     """Return lines that say what this is and where it comes from."""
     titles = ', '.join(effect(key).card.title for key in model.effects) or 'no effects'
     made = f'Written by motor_sysid {__version__} from a model'
-    return [f'{made} of a {model.kind.title}: {titles}', *(f'{name}: {note}' for name, note in model.provenance.items())]
+    notes = '\n'.join(f'{name}: {note}' for name, note in model.provenance.items())
+    return [f'{made} of a {model.kind.title}: {titles}', *notes.replace('*/', '* /').splitlines()]
 
 
 def left_out(notes: tuple[str, ...]) -> list[str]:
