@@ -286,7 +286,7 @@ def test_notes_of_any_text_break_no_format() -> None:
     for name in ('feedforward', 'pid'):
         assert yaml.safe_load(export(model, name, ALL).text)
     lines = export(model, 'matlab').text.splitlines()
-    assert all(line[0] == '%' or line.startswith(('motor.', 'set(')) for line in lines)
+    assert all(line.startswith(('%', 'motor.')) for line in lines)
 
 
 def test_bodies_of_the_simulator_are_taken_off() -> None:
@@ -359,9 +359,22 @@ def test_the_script_has_the_same_matrices() -> None:
         (rows,) = re.findall(rf'^wheel\.{letter} = \[(.*)\];$', text, flags=re.MULTILINE)
         found = [[float(n) for n in row.split(',')] for row in rows.split(';')]
         np.testing.assert_allclose(found, getattr(plant, letter.lower()), rtol=1e-11)
-    assert 'wheel.sys.InputDelay = 0.002;' in text
+    assert 'wheel.input_delay = 0.002;' in text
     assert 'c2d(wheel.sys, 0.01)' in text
     assert '% Not in it:\n%   Coulomb friction: not linear\n' in text
+
+
+def test_the_script_runs(tmp_path: Path) -> None:
+    if shutil.which('octave-cli') is None:
+        pytest.skip('no octave-cli (with the package control)')
+    model = BASE.with_effect('flexible_shaft', SHAFT)
+    model = model.with_effect('input_delay', {'delay': 2e-3})
+    script = export(model, 'matlab', Settings(name='wheel', rate=100.0)).text
+    end = 'disp(size(wheel.sysd.a)); disp(wheel.sys.InputName{1});'
+    (tmp_path / 'run.m').write_text(f'pkg load control\n{script}{end}\n')
+    command = ['octave-cli', '--no-gui', '-q', str(tmp_path / 'run.m')]
+    said = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert said.stdout.split() == ['5', '5', 'voltage'], said.stderr
 
 
 def test_what_the_data_do_not_tell_makes_a_figure_unknown() -> None:

@@ -21,13 +21,14 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     for letter in 'abcd':
         matrix = getattr(plant, letter).tolist()
         lines.append(f'{name}.{letter.upper()} = {words.rows(matrix, "[", "; ", "];")}')
-    put = [_cell([n for n, _ in names]) for names in (plant.inputs, plant.outputs, plant.states)]
-    lines += [
-        f'{name}.sys = ss({name}.A, {name}.B, {name}.C, {name}.D);',
-        f'set({name}.sys, "InputName", {put[0]}, "OutputName", {put[1]}, "StateName", {put[2]});',
-    ]
+    lines.append(f'{name}.sys = ss({name}.A, {name}.B, {name}.C, {name}.D);')
+    named = {'InputName': plant.inputs, 'OutputName': plant.outputs, 'StateName': plant.states}
+    lines += [f'{name}.sys.{what} = {_cell([n for n, _ in of])};' for what, of in named.items()]
     if plant.delay:
-        lines.append(f'{name}.sys.InputDelay = {words.number(plant.delay)};  % s')
+        lines += [
+            f'{name}.input_delay = {words.number(plant.delay)};  % s; Octave knows no delays',
+            f"if ~exist('OCTAVE_VERSION'), {name}.sys.InputDelay = {name}.input_delay; end",
+        ]
     if settings.rate:
         lines.append(f'{name}.sysd = c2d({name}.sys, {words.number(1.0 / settings.rate)});')
     lines += [f'% {line}' for line in words.left_out(plant.left_out)]
@@ -39,4 +40,4 @@ def _names(pairs: tuple[tuple[str, str], ...]) -> list[str]:
 
 
 def _cell(names: list[str]) -> str:
-    return '{' + ', '.join(f'"{name}"' for name in names) + '}'
+    return '{' + ', '.join(f"'{name}'" for name in names) + '}'
