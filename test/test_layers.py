@@ -19,6 +19,7 @@ LIBRARY = {
     'control': {'signals', 'physics', 'estimation', 'structures'},
     'export': {'signals', 'physics', 'control'},
     'diagnosis': {'signals', 'physics', 'estimation', 'structures', 'control'},
+    'fleet': {'signals', 'physics', 'diagnosis', 'recording'},
 }
 ALLOWED = {
     **LIBRARY,

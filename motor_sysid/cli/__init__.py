@@ -17,8 +17,8 @@ from motor_sysid.threads import use_one
 
 VERBS = (
     'demo', 'simulate', 'check', 'fit', 'compare', 'diagnose', 'calibrate', 'add', 'learn',
-    'suggest', 'monitor', 'replay', 'record', 'report', 'workbench', 'export', 'benchmark',
-    'compile',
+    'suggest', 'monitor', 'fleet', 'replay', 'record', 'report', 'workbench', 'export',
+    'benchmark', 'compile',
 )  # fmt: skip
 """Every verb, in the order of the help; each is a module of this package."""
 
