@@ -241,6 +241,25 @@ def test_gains_ask_for_a_rate_and_a_loop_that_crosses_over() -> None:
     assert 'voltage_limit' not in gentle
 
 
+@pytest.mark.parametrize('kind', ['brushed_dc', 'pmsm_q', 'bldc', 'bldc_six_step'])
+def test_the_node_takes_the_gains(kind: str, tmp_path: Path) -> None:
+    rclpy_parameter = pytest.importorskip('rclpy.parameter', reason='rclpy is not installed')
+    nodes = pytest.importorskip('motor_sysid.nodes.pid')
+    path = tmp_path / 'pid.yaml'
+    path.write_text(export(Model.base(kind), 'pid', ALL).text)
+    found = rclpy_parameter.parameter_dict_from_yaml_file(str(path), use_wildcard=True)
+    given = {n: rclpy_parameter.parameter_value_to_python(one.value) for n, one in found.items()}
+    settings = nodes.PidSettings(**given)
+    assert all(type(getattr(settings, n)) is type(getattr(nodes.PidSettings(), n)) for n in given)
+    assert settings.gains().upper == 24.0
+
+
+def test_an_axis_driven_by_torque_has_no_node() -> None:
+    text = export(Model.base('mechanical_axis'), 'pid', ALL).text
+    assert 'the node `pid` commands no torque' in text
+    assert set(yaml.safe_load(text)['/**']['ros__parameters']) == {'kp', 'ki', 'kd'}
+
+
 @pytest.mark.parametrize('kind', ['pmsm', 'bldc'])
 def test_a_motor_with_three_phases_is_driven_by_its_current(kind: str) -> None:
     model = Model.base(kind)

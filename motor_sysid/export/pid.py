@@ -20,7 +20,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.export import words
 from motor_sysid.export.linear import linear_plant
 from motor_sysid.export.loads import stiff
-from motor_sysid.export.rigid import drive
+from motor_sysid.export.rigid import Drive, drive
 from motor_sysid.export.settings import Settings
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -71,9 +71,10 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     limit = settings.supply or math.inf
     gains = _gains(model, time, limit)
     own, worst = margins(model, gains, dt), worst_margins(model, gains, dt)
-    signal = 'current' if driven.signal == 'current' else 'voltage'
+    known = _command(driven, settings.supply)
     told = [
         *words.heading(model),
+        *([] if known else ['the node `pid` commands no torque: these are for a loop of yours']),
         f'closed-loop time constant {time:.4g} s at {settings.rate:g} Hz; '
         f'command: {driven.signal} [{driven.unit}]',
         f'phase margin {own.phase:.0f} degrees, gain margin {own.gain:.3g}, '
@@ -84,15 +85,22 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     ]
     content = {
         'kp': settings.gear * gains.kp, 'ki': settings.gear * gains.ki, 'kd': gains.kd,
-        'command': signal,
+        **known,
     }  # fmt: skip
-    if settings.supply is not None:
-        content[f'{signal}_limit'] = settings.supply
     text = ''.join(f'# {line}\n' for line in told)
     tree = {'/**': {'ros__parameters': content}}
     notes = linear_plant(_driven(model)).left_out + _lost(model)
     text += ''.join(f'# {line}\n' for line in words.left_out(notes))
     return text + yaml.safe_dump(tree, sort_keys=False), notes
+
+
+def _command(driven: Drive, supply: float | None) -> dict[str, str | float]:
+    """Return how the node `pid` is told what to command; it knows voltages and currents alone."""
+    signal = driven.signal.partition('_')[0]
+    if signal not in ('voltage', 'current'):
+        return {}
+    limit = {} if supply is None else {f'{signal}_limit': supply}
+    return {'command': signal, **limit}
 
 
 def margins(model: Model, gains: PidGains, dt: float) -> Margins:
