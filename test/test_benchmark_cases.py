@@ -3,12 +3,14 @@
 from collections import Counter
 from dataclasses import replace
 from functools import cache
+from types import SimpleNamespace
 from unittest.mock import patch
 
+from benchmark_tools import result
 import numpy as np
 import pytest
 
-from motor_sysid.benchmark import cases
+from motor_sysid.benchmark import cases, reference
 from motor_sysid.benchmark.answers import start_values, true_base_values, true_effect_values
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.datasheets import DATA_SHEETS, geared
@@ -25,6 +27,7 @@ from motor_sysid.benchmark.scenarios import (
 )
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.model import Model, SpeedSensor
 
 COUNT = 2000
 
@@ -144,3 +147,26 @@ def test_the_scale_of_the_current_sensor_hides_in_the_base_parameters():
     assert true_base_values(case)['R'] == pytest.approx(plant.R / scale)
     assert true_base_values(case)['J'] == pytest.approx(plant.J * scale)
     assert true_base_values(case, ('current_sensor_scale',))['R'] == plant.R
+
+
+@pytest.mark.parametrize(
+    ('key', 'sensor'),
+    [('speed_sensor_offset', SpeedSensor.IDEAL), ('coulomb_friction', SpeedSensor.DIFFERENCE)],
+)
+def test_the_true_structure_has_a_sensor_that_takes_it(key, sensor, monkeypatch):
+    """Counts have no offset: a diagnosis that began with them is compared with one that has."""
+    case, begun = short(Scenario((key,), 0.1)), []
+
+    def fit_model(train, valid, *, model, effects, lent):
+        begun.append((model, effects))
+        return SimpleNamespace(model=model, validation=SimpleNamespace(error_percent=1.0))
+
+    monkeypatch.setattr(reference, 'fit_model', fit_model)
+    base = Model.base('brushed_dc', speed_sensor=SpeedSensor.DIFFERENCE)
+    diagnosis = SimpleNamespace(steps=[SimpleNamespace(model=base)], lent=False)
+    found = reference.with_reference(result((key,)), case, diagnosis)
+    ((model, unstarted),) = begun
+    assert model.speed_sensor is sensor
+    assert {*model.effects, *unstarted} == {key}
+    assert model['R'] == pytest.approx(case.setting.plant.R, rel=1e-3)
+    assert found.reference == 1.0

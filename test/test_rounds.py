@@ -357,3 +357,21 @@ def test_a_trifle_that_passes_is_no_help_where_something_without_evidence_halves
     ]
     trials.append(SimpleNamespace(passes=False, gain_percent=90.0, note=UNPHYSICAL))
     assert rounds.helps(trials) is helped
+
+
+def test_what_a_wide_law_says_is_drawn_into_the_boxes_of_the_narrow_one():
+    """Play may end with a shaft that is softer than any; a model that began there crashed."""
+    narrow = Model.base('brushed_dc', {'R': 2.0}).with_effect('flexible_shaft', {'r': 0.5})
+    boxed = replace(narrow.parameters['flexible_shaft.w_a'], value=50.0, lower=10.0, upper=400.0)
+    items = tuple(boxed if p.name == boxed.name else p for p in narrow.parameters)
+    narrow = replace(narrow, parameters=replace(narrow.parameters, items=items))
+    wide = Model.base('brushed_dc', {'R': 3.0}, speed_sensor=SpeedSensor.DIFFERENCE)
+    wide = wide.with_effect('backlash', {'r': 0.8, 'w_a': 900.0, 'phi_g': 0.01, 'z': 0.2})
+    variant = SimpleNamespace(effect=effect('backlash'))
+    trial = SimpleNamespace(
+        key='backlash', rung=SimpleNamespace(model=wide), scored=SimpleNamespace(variant=variant)
+    )
+    begun = rounds._begun_where(trial, narrow)
+    assert begun['flexible_shaft.w_a'] == 400.0
+    assert (begun['R'], begun['flexible_shaft.r']) == (3.0, 0.8)
+    assert begun.speed_sensor is SpeedSensor.DIFFERENCE
