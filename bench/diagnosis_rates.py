@@ -1,7 +1,7 @@
 r"""The figures of docs/benchmark.md, from the results of the benchmark of the diagnosis.
 
-FILE=bench/results/diagnosis_9300.jsonl
-.venv/bin/motor-sysid benchmark diagnosis --seed 9300 --no-peers --results $FILE
+FILE=bench/results/diagnosis_9500.jsonl
+.venv/bin/motor-sysid benchmark diagnosis --seed 9500 --no-peers --results $FILE
 .venv/bin/python bench/diagnosis_rates.py $FILE --markdown docs/benchmark.md
 .venv/bin/python bench/diagnosis_rates.py bench/results/earlier_*.jsonl --seeds \
     --markdown docs/benchmark.md
