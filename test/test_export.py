@@ -1,5 +1,6 @@
 """Models for other tools: the numbers are right there, and what has no place is said."""
 
+from dataclasses import replace
 import json
 import math
 from pathlib import Path
@@ -23,7 +24,7 @@ from motor_sysid.export.pid import margins, worst_margins
 from motor_sysid.export.rigid import drive, rigid
 from motor_sysid.export.words import spread
 from motor_sysid.physics.effects import catalogue
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.physics.store import save_model
@@ -197,6 +198,16 @@ def test_a_delay_is_told_and_counts_in_the_margins() -> None:
     assert delayed.gain < prompt.gain
 
 
+def test_counts_differenced_over_a_sample_cost_half_of_it() -> None:
+    dt, gains = 4e-3, PidGains(0.05, 0.5)
+    counted = replace(BASE, speed_sensor=SpeedSensor.DIFFERENCE)
+    own, late = margins(BASE, gains, dt), margins(counted, gains, dt)
+    lost = math.degrees(own.crossover * dt / 2)
+    assert lost > 1.5
+    assert late.phase == pytest.approx(own.phase - lost, abs=0.1 * lost)
+    assert not export(counted, 'pid', ALL).left_out
+
+
 def swing(model: Model, gains: PidGains, dt: float) -> float:
     """Return how much the error of the running loop grows from one third to the last."""
     plant, pid = Stepper(model, dt=dt), Pid(gains)
@@ -231,8 +242,9 @@ def test_the_worst_margins_hang_on_how_well_the_motor_is_known() -> None:
 def test_gains_ask_for_a_rate_and_a_loop_that_crosses_over() -> None:
     with pytest.raises(UserError, match='--rate'):
         export(BASE, 'pid')
-    with pytest.raises(UserError, match='no gain of one'):
-        margins(BASE, PidGains(1e6), 1e-2)
+    with pytest.raises(UserError, match=r'would swing at 10 Hz .* longer --closed-loop-time'):
+        export(BASE, 'pid', Settings(rate=10.0, closed_loop_time=1e-3))
+    assert margins(BASE, PidGains(1e6), 1e-2).phase == 0.0, 'it never falls below one'
     found = yaml.safe_load(export(BASE, 'pid', ALL).text)['/**']['ros__parameters']
     assert found['voltage_limit'] == 24.0
     slow = Settings(rate=1000.0, closed_loop_time=0.5)
@@ -295,6 +307,20 @@ def test_urdf_is_xml_and_tells_what_the_supply_allows() -> None:
     for _ in range(3000):
         plant.step([24.0])
     assert float(limit.get('velocity', 0)) == pytest.approx(plant.state['omega'] / 2, rel=1e-3)
+
+
+def test_a_current_limits_no_speed() -> None:
+    model, five = Model.base('pmsm'), Settings(supply=5.0)
+    with pytest.raises(UserError, match='5 A limits the torque and no speed; give --top-speed'):
+        export(model, 'urdf', five)
+    text = export(model, 'urdf', Settings(supply=5.0, top_speed=300.0, gear=3.0)).text
+    assert 'velocity="100.0"' in text
+
+
+def test_a_header_with_steps_tells_the_delay() -> None:
+    late = DRY.with_effect('input_delay', {'delay': 2e-3})
+    assert 'u[k] acts 0.002 s after' in export(late, 'c_header', Settings(rate=500.0)).text
+    assert 'u[k] acts' not in export(DRY, 'c_header', Settings(rate=500.0)).text
 
 
 def test_notes_of_any_text_break_no_format() -> None:
@@ -401,6 +427,9 @@ def test_what_the_data_do_not_tell_makes_a_figure_unknown() -> None:
     made = yaml.safe_load(export(model, 'feedforward').text)['coefficients']
     assert made['k_s']['sigma'] == math.inf
     assert made['k_a']['sigma'] == pytest.approx(0.01 * made['k_a']['value'])
+    unseen = DRY.with_estimates({}, {'R': 0.012, 'L': math.inf})
+    other = yaml.safe_load(export(unseen, 'feedforward').text)['coefficients']
+    assert all(math.isfinite(one['sigma']) for one in other.values()), 'L is in none of them'
     at_edge = BASE.with_estimates({'R': 1e4}, {'R': 10.0})
     assert spread(at_edge, lambda m: {'R': m['R']})['R'] == pytest.approx(10.0)
 

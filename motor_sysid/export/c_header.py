@@ -34,6 +34,8 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
         plant = linear_plant(model)
         names = ', '.join(name for name, _ in plant.states)
         lines += ['', f'/* x[k+1] = AD x[k] + BD u[k];  x = {names} */']
+        if plant.delay:
+            lines.append(f'/* u[k] acts {words.number(plant.delay)} s after it was commanded */')
         lines += _step(plant.held(1.0 / settings.rate), prefix, settings.rate)
         lines += [f'/* {line} */' for line in words.left_out(plant.left_out)]
         notes = tuple(dict.fromkeys((*notes, *plant.left_out)))
@@ -43,7 +45,8 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
 def _feedforward(model: Model, settings: Settings) -> tuple[dict[str, float], tuple[str, ...]]:
     """Return the coefficients of a feedforward, none for a motor that nothing drives."""
     try:
-        return feedforward.figures(model, settings), feedforward.write(model, settings)[1]
+        found = feedforward.figures(model, settings)
+        return found, feedforward.left_out(model, settings, found)
     except UserError as problem:
         return {}, (f'feedforward: {problem}',)
 

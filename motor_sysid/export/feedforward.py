@@ -7,15 +7,20 @@ Libraries of robot control call k_s, k_v and k_a by the same names; inertia, fri
 are what they consist of.  (Ellis, Control System Design Guide, 4th ed. 2012, chapter 8.)
 """
 
+from collections.abc import Mapping
+
 import yaml
 
 from motor_sysid.export import words
 from motor_sysid.export.rigid import Drive, drive, rigid
 from motor_sysid.export.settings import Settings
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import linear_unit, Model
 
 TITLE = 'command that a wanted motion takes: k_s, k_v, k_a (YAML)'
 SUFFIX = '.yaml'
+
+GRAVITY = 'gravity_load'
 
 LAW = (
     'command = k_s sign(v) + k_v v + k_a a + k_c + k_g_sin sin(position) + k_g_cos cos(position)',
@@ -36,15 +41,19 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
             for name, value in found.items()
         },
     }
-    body = rigid(model, settings.top_speed)
-    notes = tuple(n for n in body.left_out if 'k_g_sin' not in found or 'gravity' not in n)
-    if body.misfit > 1e-6:
-        notes += (f'{100 * body.misfit:.2g} % of the friction, which is no straight line',)
-    if driven.lag:
-        notes += (f'the current takes {driven.lag:.3g} s to settle',)
+    notes = left_out(model, settings, found)
     lines = [*words.heading(model), *LAW, *words.left_out(notes)]
     text = ''.join(f'# {line}'.rstrip() + '\n' for line in lines)
     return text + yaml.safe_dump(content, sort_keys=False, allow_unicode=True), notes
+
+
+def left_out(
+    model: Model, settings: Settings, found: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Return what the coefficients that were found leave out."""
+    own = effect(GRAVITY).card.title if 'k_g_sin' in found else None
+    notes = rigid(model, settings.top_speed).left_out
+    return (*(n for n in notes if own is None or not n.startswith(own)), *drive(model).left_out)
 
 
 def figures(model: Model, settings: Settings) -> dict[str, float]:
@@ -56,9 +65,9 @@ def figures(model: Model, settings: Settings) -> dict[str, float]:
         'k_a': gear * body.inertia / driven.torque,
         'k_c': -body.constant / driven.torque,
     }
-    if 'gravity_load' in model.effects and gear == 1.0:
+    if GRAVITY in model.effects and gear == 1.0:
         found |= {
-            f'k_g_{wave}': model[f'gravity_load.tau_{wave}'] / driven.torque
+            f'k_g_{wave}': model[f'{GRAVITY}.tau_{wave}'] / driven.torque
             for wave in ('sin', 'cos')
         }
     return found

@@ -1,6 +1,7 @@
 """Inertia and friction on the side of the joint, as simulators of robots take them."""
 
 from motor_sysid.errors import UserError
+from motor_sysid.export import words
 from motor_sysid.export.rigid import Rigid, rigid
 from motor_sysid.export.settings import Settings
 from motor_sysid.physics.model import Model
@@ -41,9 +42,20 @@ def figures(model: Model, settings: Settings) -> dict[str, float]:
 
 def notes_of(body: Rigid) -> tuple[str, ...]:
     """Return what a joint with viscous and dry friction leaves out."""
-    notes = body.left_out
-    if body.misfit > 1e-6:
-        notes += (f'{100 * body.misfit:.2g} % of the friction, which is no straight line',)
-    if body.constant:
-        notes += (f'a constant torque of {body.constant:.4g} {body.unit}',)
-    return notes
+    if not body.constant:
+        return body.left_out
+    return (*body.left_out, f'a constant torque of {body.constant:.4g} {body.unit}')
+
+
+def told(model: Model, settings: Settings) -> dict[str, str]:
+    """Return the figures with standard deviation and unit, for a comment."""
+    body, found = joint(model, settings), figures(model, settings)
+    sigmas = words.spread(model, lambda m: figures(m, settings))
+    speed = 'm/s' if model.linear else 'rad/s'
+    units = {'inertia': mass(model), 'damping': f'{body.unit}/({speed})', 'dry': body.unit}
+    return {name: words.with_sigma(found[name], sigmas[name], units[name]) for name in found}
+
+
+def mass(model: Model) -> str:
+    """Return the unit of an inertia."""
+    return 'kg' if model.linear else 'kg m^2'

@@ -15,6 +15,9 @@ from motor_sysid.signals.channels import BY_NAME
 
 Array = NDArray[np.float64]
 
+DIFFERENCED = 'speed as the difference of positions over a sample, half a sample late'
+"""What is left out where the speed is told so."""
+
 _UNITS = {'omega': 'rad/s', 'theta': 'rad'}
 
 
@@ -123,7 +126,7 @@ def _left_out(model: Model, effects: list[Effect]) -> list[str]:
     if model.kind.own is not None:
         found.append(f'what a {model.kind.title} does beyond its linear core')
     if model.speed_sensor is SpeedSensor.DIFFERENCE:
-        found.append('speed as the difference of positions over a sample, half a sample late')
+        found.append(DIFFERENCED)
     offsets = [o.bias for o in model.kind.outputs if o.bias and model[o.bias]]
     return found + [f'{name}: an offset of the sensor' for name in offsets]
 

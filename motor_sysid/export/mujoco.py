@@ -7,7 +7,7 @@ gear.
 """
 
 from motor_sysid.export import words
-from motor_sysid.export.joint import figures, joint, notes_of
+from motor_sysid.export.joint import joint, mass, notes_of, told
 from motor_sysid.export.rigid import drive
 from motor_sysid.export.settings import Settings
 from motor_sysid.physics.model import Model
@@ -19,28 +19,24 @@ SUFFIX = '.xml'
 def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     """Return the text, and what is left out."""
     body, driven, number = joint(model, settings), drive(model), words.number
-    sigmas = words.spread(model, lambda m: figures(m, settings))
-    notes = notes_of(body)
-    if driven.lag:
-        notes += (f'the current takes {driven.lag:.3g} s to settle',)
+    notes, figure = (*notes_of(body), *driven.left_out), told(model, settings)
     kind = 'slide' if model.linear else 'hinge'
-    mass, speed = ('kg', 'm/s') if model.linear else ('kg m^2', 'rad/s')
-    told = [
+    lines = [
         *words.heading(model),
         'The armature is all that turned with the motor when it was recorded, less '
-        f'{settings.body_inertia:g} {mass}',
+        f'{settings.body_inertia:g} {mass(model)}',
         'of bodies that the simulation adds by itself (the option body-inertia).',
         f'<include file="{settings.name}.xml"/>, <joint class="{settings.name}" .../>,',
         f'<general class="{settings.name}" joint=.../>; control: {driven.signal} [{driven.unit}]',
-        f'armature {words.with_sigma(body.inertia, sigmas["inertia"], mass)}',
-        f'damping {words.with_sigma(body.damping, sigmas["damping"], f"{body.unit}/({speed})")}',
-        f'frictionloss {words.with_sigma(body.dry, sigmas["dry"], body.unit)}',
+        f'armature {figure["inertia"]}',
+        f'damping {figure["damping"]}',
+        f'frictionloss {figure["dry"]}',
         *words.left_out(notes),
     ]
     limit = settings.supply
     span = f' ctrllimited="true" ctrlrange="{-limit:g} {limit:g}"' if limit else ''
     lines = [
-        *words.xml_comment(told), '<mujoco>', '  <default>',
+        *words.xml_comment(lines), '<mujoco>', '  <default>',
         f'    <default class="{settings.name}">',
         f'      <joint type="{kind}" armature="{number(body.inertia)}" '
         f'damping="{number(body.damping)}" frictionloss="{number(body.dry)}"/>',

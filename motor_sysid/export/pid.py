@@ -18,12 +18,12 @@ from motor_sysid.control.pid import PidGains
 from motor_sysid.control.tuning import current_pi, reduce_to_speed, speed_pi, torque_constant
 from motor_sysid.errors import UserError
 from motor_sysid.export import words
-from motor_sysid.export.linear import linear_plant
+from motor_sysid.export.linear import DIFFERENCED, linear_plant
 from motor_sysid.export.loads import stiff
 from motor_sysid.export.rigid import Drive, drive
 from motor_sysid.export.settings import Settings
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 
 Array = NDArray[np.float64]
 
@@ -48,7 +48,8 @@ class Margins:
     phase:
         Lag in degrees that makes it swing.
     crossover:
-        Where its gain is one, rad/s.
+        The highest frequency where its gain falls below one, rad/s; half of the sample rate, with
+        no phase left, where it never does.
     """
 
     gain: float
@@ -62,7 +63,7 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     Raises
     ------
     UserError
-        If there is no rate.
+        If there is no rate, or the loop would swing.
     """
     if settings.rate is None:
         raise UserError('a controller runs in steps: give their number per second, --rate')
@@ -71,6 +72,12 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     limit = settings.supply or math.inf
     gains = _gains(model, time, limit)
     own, worst = margins(model, gains, dt), worst_margins(model, gains, dt)
+    if own.phase <= 0 or own.gain <= 1:
+        raise UserError(
+            f'a speed loop with a time constant of {time:.4g} s would swing at {settings.rate:g} '
+            f'Hz (phase margin {own.phase:.0f} degrees, gain margin {own.gain:.3g}); give a '
+            'longer --closed-loop-time or a higher --rate'
+        )
     known = _command(driven, settings.supply)
     told = [
         *words.heading(model),
@@ -89,7 +96,8 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     }  # fmt: skip
     text = ''.join(f'# {line}\n' for line in told)
     tree = {'/**': {'ros__parameters': content}}
-    notes = linear_plant(_driven(model)).left_out + _lost(model)
+    notes = (*linear_plant(_driven(model)).left_out, *_lost(model))
+    notes = tuple(note for note in notes if note != DIFFERENCED)
     text += ''.join(f'# {line}\n' for line in words.left_out(notes))
     return text + yaml.safe_dump(tree, sort_keys=False), notes
 
@@ -110,26 +118,18 @@ def margins(model: Model, gains: PidGains, dt: float) -> Margins:
     ----------
     dt:
         Time of a sample, s.
-
-    Raises
-    ------
-    UserError
-        If the loop has no gain of one below half of the sample rate.
     """
     w = np.geomspace(1e-4, 1.0, 4000) * math.pi / dt
     z = np.exp(1j * w * dt)
     loop = _plant(model, z, dt) * (gains.kp + gains.ki * dt * z / (z - 1.0)) / z
     size, turned = np.abs(loop), np.unwrap(np.angle(loop))
     turned -= 2 * math.pi * round(float(turned[0]) / (2 * math.pi) + 0.25)
+    swings = np.flatnonzero(np.diff(np.floor((turned + math.pi) / (2 * math.pi))) < 0)
+    gain = 1.0 / float(np.max(size[swings])) if swings.size else math.inf
     crossing = np.flatnonzero((size[:-1] >= 1) & (size[1:] < 1))
     if not crossing.size:
-        raise UserError(
-            'the loop has no gain of one below half of the sample rate; give a longer '
-            '--closed-loop-time or a higher --rate'
-        )
+        return Margins(gain, 0.0, math.pi / dt)
     phases = 180.0 + np.degrees(turned[crossing])
-    swings = np.flatnonzero(np.diff(np.sign(turned + math.pi)) < 0)
-    gain = 1.0 / float(np.max(size[swings])) if swings.size else math.inf
     return Margins(gain, float(np.min(phases)), float(w[crossing[-1]]))
 
 
@@ -196,4 +196,6 @@ def _plant(model: Model, z: NDArray[np.complex128], dt: float) -> NDArray[np.com
     a, b, row = a[np.ix_(still, still)], b[still, 0], row[still]
     inverse = np.linalg.solve(z[:, None, None] * np.eye(len(still)) - a, b[None, :, None])
     found: NDArray[np.complex128] = inverse[:, :, 0] @ row
+    if model.speed_sensor is SpeedSensor.DIFFERENCE:
+        found *= 0.5 * (1.0 + 1.0 / z)  # the mean over the last sample, by the trapezoid
     return found * np.exp(-np.log(z) * plant.delay / dt)

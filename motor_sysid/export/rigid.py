@@ -28,6 +28,9 @@ SPEEDS = 200
 _SHARP = 1e-9
 """Width of the sign of speed, in units of the top speed: friction proper, not its rounding."""
 
+_STRAIGHT = 1e-6
+"""Share of the friction that a line may miss and be right."""
+
 _ROUNDING = 1e-12
 """Constant torque, relative to friction, that comes of rounding."""
 
@@ -90,6 +93,11 @@ class Drive:
     emf: float
     lag: float
 
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What has no place here, in words."""
+        return (f'the current takes {self.lag:.3g} s to settle',) if self.lag else ()
+
 
 def rigid(model: Model, top_speed: float | None = None) -> Rigid:
     """Return inertia and friction of a model.
@@ -120,11 +128,13 @@ def rigid(model: Model, top_speed: float | None = None) -> Rigid:
     (damping, dry), rest = nnls(table / [top, 1.0], friction)
     size = float(np.linalg.norm(friction))
     misfit = float(rest) / size if size else 0.0
-    if misfit > 1e-6 and top_speed is None:
+    if misfit > _STRAIGHT and top_speed is None:
         raise UserError(
             'friction of this model is more than dry and viscous: it takes the largest speed that '
             'matters to say which of both come closest; give --top-speed'
         )
+    if misfit > _STRAIGHT:
+        left_out.append(f'{100 * misfit:.2g} % of the friction, which is no straight line')
     constant = float(np.mean(forward + backward)) / 2
     constant = constant if abs(constant) > _ROUNDING * size else 0.0
     unit = next((f.unit for f in model.kind.forces if f.name == 'torque'), 'N m')

@@ -51,11 +51,12 @@ class Settings:
                 '`left_wheel`'
             )
         positive = {
-            'gear ratio': self.gear, 'supply': self.supply, 'top speed': self.top_speed,
-            'rate': self.rate, 'closed-loop time constant': self.closed_loop_time,
+            'gear ratio': (self.gear, ''), 'supply': (self.supply, ''),
+            'top speed': (self.top_speed, ' rad/s'), 'rate': (self.rate, ' Hz'),
+            'closed-loop time constant': (self.closed_loop_time, ' s'),
         }  # fmt: skip
-        for what, value in positive.items():
+        for what, (value, unit) in positive.items():
             if value is not None and not 0 < value < math.inf:
-                raise UserError(f'{what} {value:g} must be positive and finite')
+                raise UserError(f'{what} {value:g}{unit} must be positive and finite')
         if not 0 <= self.body_inertia < math.inf:
             raise UserError(f'inertia {self.body_inertia:g} kg m^2 of bodies must not be negative')

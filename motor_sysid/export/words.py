@@ -8,6 +8,9 @@ from motor_sysid import __version__
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
+_ROUNDING = 1e-9
+"""Change of a figure, relative to it, that comes of rounding."""
+
 
 def number(value: float) -> str:
     """Return a number in twelve digits, which is more than any fit knows, never as an integer."""
@@ -56,6 +59,7 @@ def spread(model: Model, figures: Callable[[Model], Mapping[str, float]]) -> dic
         up, down = (figures(model.with_values({p.name: end})) for end in ends)
         for name in total:
             change = abs(up[name] - down[name])
+            change = change if change > _ROUNDING * abs(up[name]) else 0.0
             if change and not math.isfinite(p.sigma):
                 total[name] = math.inf
             elif change:

@@ -37,7 +37,7 @@ def body(fleet: Fleet) -> str:
     facts = {'motors': str(len(fleet.members)), 'not like the others': str(odd),
              'motor kind': fleet.motor, 'effects of all': effects}  # fmt: skip
     told = ''.join(f'<dt>{escape(k)}</dt><dd>{escape(v)}</dd>' for k, v in facts.items())
-    strips = ''.join(_strip(fleet, one) for one in fleet.spreads)
+    strips = ''.join(_strip(one) for one in fleet.spreads)
     rows = ''.join(_row(fleet, one) for one in fleet.members)
     return (
         f'<dl>{told}</dl>\n<section>\n<h2>Motors</h2>\n<p>Held-out errors: of the model that each '
@@ -63,7 +63,7 @@ def _row(fleet: Fleet, one: Member) -> str:
     )
 
 
-def _strip(fleet: Fleet, spread: Spread) -> str:
+def _strip(spread: Spread) -> str:
     names = list(spread.values)
     value, sigma = (np.array(column) for column in zip(*spread.values.values(), strict=True))
     mean, reach = spread.mean, 2.0 * spread.scatter

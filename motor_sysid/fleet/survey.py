@@ -177,17 +177,14 @@ def common(sets: Sequence[Sequence[str]]) -> tuple[str, ...]:
     An effect counts where a more general one is, which has it as special case; of two chosen ones
     of which one is a case of the other the general one stays.
     """
-    votes = Counter(key for own in sets for key in {k for one in own for k in _cases(one)})
+    votes = Counter(k for own in sets for k in dict.fromkeys(k for o in own for k in _cases(o)))
     chosen = [key for key, count in votes.most_common() if count > len(sets) / 2]
     return tuple(k for k in chosen if not any(k in _cases(o) for o in chosen if o != k))
 
 
-def _cases(key: str) -> set[str]:
-    """Return an effect and its special cases."""
-    found = {key}
-    for special in effect(key).card.generalises:
-        found |= _cases(special)
-    return found
+def _cases(key: str) -> list[str]:
+    """Return an effect and its special cases, always in the same order."""
+    return [key, *(k for special in effect(key).card.generalises for k in _cases(special))]
 
 
 def _apart(own: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
