@@ -18,6 +18,7 @@ from motor_sysid.fleet import Fleet, Member, motors_in, odd_ones, spreads, surve
 from motor_sysid.fleet.picture import body
 from motor_sysid.fleet.survey import common
 from motor_sysid.physics.model import Model
+from motor_sysid.recording import load
 from motor_sysid.recording.save import write_record
 from motor_sysid.signals.record import Record
 
@@ -136,7 +137,7 @@ def test_the_python_of_the_page_runs(
     (code,) = re.findall(r'```python\n(.*?)```', PAGE, flags=re.DOTALL)
     two = code.replace("'legs'", "'two'")
     exec(compile(two, 'fleet.md', 'exec'), {})
-    assert capsys.readouterr().out == ''
+    assert capsys.readouterr().out == 'leg_1\nleg_2\n'
 
 
 def alike(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -237,6 +238,21 @@ def test_folders_without_motors_are_refused(
     (tmp_path / 'a.csv').write_text('time [s],voltage [V]\n')
     assert main(['fleet', str(tmp_path)]) == 2
     assert 'error: a: ' in capsys.readouterr().err
+
+
+def test_a_motor_whose_process_crashes_costs_no_other(toured: Path) -> None:
+    legs = motors_in(toured / 'two')
+    records = {name: load(paths[0]).records for name, paths in legs.items()}
+
+    def all_but_the_first(tasks, work):
+        return ((task, work(task)) for task in list(tasks)[-1:])
+
+    found = survey(records, each=all_but_the_first)
+    lost, other = found.members
+    assert (lost.name, lost.verdict, lost.model) == ('leg_1', None, None)
+    assert lost.reason == 'its diagnosis came to no end'
+    assert other.model is not None
+    assert not any(found.oddities(one) for one in found.members)
 
 
 def test_a_fleet_of_which_nothing_can_be_diagnosed_says_why() -> None:

@@ -1,13 +1,12 @@
 """`motor-sysid fleet`: which motor of many is not like the others, and in what."""
 
 import argparse
-from concurrent.futures import ProcessPoolExecutor
-from contextlib import nullcontext
-import multiprocessing
+from collections.abc import Callable, Iterable
+from functools import partial
 import os
 from pathlib import Path
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from motor_sysid.cli.common import (
     add_effect_file_argument,
@@ -19,11 +18,16 @@ from motor_sysid.cli.common import (
 from motor_sysid.cli.output import new_page, write_each, write_json, writing
 from motor_sysid.cli.reading import load_data, load_start
 from motor_sysid.errors import UserError
-from motor_sysid.threads import use_one
 
 if TYPE_CHECKING:
     from motor_sysid.fleet import Fleet, Member
     from motor_sysid.signals.record import Record
+
+Task = TypeVar('Task')
+Answer = TypeVar('Answer')
+
+LIMIT = 1800.0
+"""Longest time for one motor, s."""
 
 HELP = 'say which of many motors of one type is not like the others, and in what'
 
@@ -63,9 +67,7 @@ def run(args: argparse.Namespace) -> int:
     start = load_start(args)
     records, unread = _records(args, start.k_e)
     question = Question(start.motor, start.model, start.nominal)
-    workers = min(args.workers, len(records))
-    with _pool(workers, args.effect_file) as pool:
-        found = survey(records, question, alpha=args.alpha, pool=pool, tell=_tell)
+    found = survey(records, question, alpha=args.alpha, each=_Processes(args), tell=_tell)
     print('\n'.join([*summary(found), *(f'not read: {text}' for text in unread)]))
     document = {**fleet_document(found), 'unread': unread}
     write_each(
@@ -74,17 +76,27 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _pool(workers: int, effect_files: list[Path]) -> 'ProcessPoolExecutor | nullcontext[None]':
-    if workers == 1:
-        return nullcontext()
-    fresh = multiprocessing.get_context('spawn')
-    return ProcessPoolExecutor(workers, fresh, _begin, (effect_files,))
+class _Processes:
+    """Does tasks in as many processes as the user asks for; one that crashes costs its task."""
 
+    def __init__(self, args: argparse.Namespace) -> None:
+        self.workers = args.workers
+        self.warm_up = partial(load_effect_files, args.effect_file)
 
-def _begin(effect_files: list[Path]) -> None:
-    """Make a process ready: one thread each, and the user's own effects."""
-    use_one()
-    load_effect_files(effect_files)
+    def __call__(
+        self, tasks: Iterable[Task], work: Callable[[Task], Answer], /
+    ) -> Iterable[tuple[Task, Answer]]:
+        """Yield tasks with their answers as they come."""
+        from motor_sysid.benchmark import workers
+
+        team = workers.each(
+            tasks, work, workers=self.workers, limit=LIMIT, warm_up=self.warm_up
+        )
+        for task, answer in team:
+            if isinstance(answer, workers.Lost):
+                print(f'note: a motor could not be looked at: {answer.reason}', file=sys.stderr)
+            else:
+                yield task, answer
 
 
 def _records(

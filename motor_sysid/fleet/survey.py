@@ -2,11 +2,10 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import partial
 import math
-from typing import TypeVar
+from typing import Protocol, TypeVar
 
 from motor_sysid.diagnosis import diagnose, Settings, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
@@ -18,6 +17,22 @@ from motor_sysid.signals.record import Record
 
 Task = TypeVar('Task')
 Answer = TypeVar('Answer')
+
+class Each(Protocol):
+    """Does tasks, one after the other or in several processes."""
+
+    def __call__(
+        self, tasks: Iterable[Task], work: Callable[[Task], Answer], /
+    ) -> Iterable[tuple[Task, Answer]]:
+        """Yield tasks with their answers as they come; one without answer is left out."""
+
+
+def in_turn(
+    tasks: Iterable[Task], work: Callable[[Task], Answer]
+) -> Iterable[tuple[Task, Answer]]:
+    """Do one task after the other."""
+    return ((task, work(task)) for task in tasks)
+
 
 _SURE = (Verdict.COMPLETE, Verdict.EFFECT_MISSING)
 
@@ -113,7 +128,7 @@ def survey(
     question: Question | None = None,
     *,
     alpha: float = ALPHA,
-    pool: Executor | None = None,
+    each: Each = in_turn,
     tell: Callable[[str], None] = lambda text: None,
 ) -> Fleet:
     """Diagnose each motor, agree on one model, fit it to each, and say which one is odd.
@@ -130,8 +145,8 @@ def survey(
         What is asked of each.
     alpha:
         Chance that any parameter is called odd though the motors are alike.
-    pool:
-        Processes to work in; none: one motor after the other.
+    each:
+        Does the work; default: one motor after the other.
     tell:
         Is told what is going on.
 
@@ -141,25 +156,26 @@ def survey(
         If no motor can be diagnosed.
     """
     question, tasks = question or Question(), list(records.items())
-    known: list[tuple[Member, str]] = []
-    for one in _each(partial(_diagnosed, question=question), tasks, pool):
-        known.append(one)
-        tell(f'{one[0].name}: {_said(one[0])} ({len(known)} of {len(tasks)})')
-    judged = [(member, kind) for member, kind in known if kind]
+    known = {name: (_unjudged(name, 'its diagnosis came to no end'), '') for name in records}
+    for count, (_, one) in enumerate(each(tasks, partial(_diagnosed, question=question)), 1):
+        known[one[0].name] = one
+        tell(f'{one[0].name}: {_said(one[0])} ({count} of {len(tasks)})')
+    judged = [(member, kind) for member, kind in known.values() if kind]
     if not judged:
-        reasons = '; '.join(f'{member.name}: {member.reason}' for member, _ in known)
+        reasons = '; '.join(f'{member.name}: {member.reason}' for member, _ in known.values())
         raise UserError(f'no motor can be diagnosed: {reasons}')
     motor = Counter(kind for _, kind in judged).most_common(1)[0][0]
     effects = common([member.effects for member, _ in judged])
     if question.model is not None:
         effects = question.model.effects
     agreed = Agreed(motor, effects, question)
-    members = []
-    fits = _each(partial(_fitted, agreed=agreed), [(m, records[m.name]) for m, _ in known], pool)
-    for member in fits:
-        members.append(member)
-        tell(f'{member.name}: fitted ({len(members)} of {len(tasks)})')
-    return Fleet(motor, effects, tuple(members), tuple(spreads(_models(members), alpha)))
+    members = {name: member for name, (member, _) in known.items()}
+    fits = [(member, records[member.name]) for member, _ in judged]
+    for count, (_, member) in enumerate(each(fits, partial(_fitted, agreed=agreed)), 1):
+        members[member.name] = member
+        tell(f'{member.name}: fitted ({count} of {len(fits)})')
+    models = {name: one.model for name, one in members.items() if one.model is not None}
+    return Fleet(motor, effects, tuple(members.values()), tuple(spreads(models, alpha)))
 
 
 @dataclass(frozen=True)
@@ -192,10 +208,8 @@ def _apart(own: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:
     return tuple(k for k in own if not any(k in _cases(o) or o in _cases(k) for o in others))
 
 
-def _each(
-    function: Callable[[Task], Answer], tasks: Iterable[Task], pool: Executor | None
-) -> Iterable[Answer]:
-    return map(function, tasks) if pool is None else pool.map(function, tasks)
+def _unjudged(name: str, reason: str) -> Member:
+    return Member(name, None, (), reason, (math.nan,) * 3)
 
 
 def _said(member: Member) -> str:
@@ -213,7 +227,7 @@ def _diagnosed(task: tuple[str, Sequence[Record]], question: Question) -> tuple[
             settings=question.settings,
         )  # fmt: skip
     except UserError as problem:
-        return Member(name, None, (), str(problem), (math.nan,) * 3), ''
+        return _unjudged(name, str(problem)), ''
     errors = found.steps[0].validation_error_percent, found.steps[-1].validation_error_percent
     reason = found.reasons[0] if found.reasons else ''
     member = Member(name, found.verdict, found.effects, reason, (*errors, math.nan))
@@ -237,7 +251,3 @@ def _fitted(task: tuple[Member, Sequence[Record]], agreed: Agreed) -> Member:
         more=_apart(own, agreed.effects),
         less=_apart(agreed.effects, own) if member.verdict in _SURE else (),
     )  # fmt: skip
-
-
-def _models(members: Sequence[Member]) -> dict[str, Model]:
-    return {member.name: member.model for member in members if member.model is not None}
