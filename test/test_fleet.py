@@ -5,6 +5,7 @@ import json
 from pathlib import Path
 import re
 import shlex
+import shutil
 
 from bench_motor import measure, voltage_profile
 import numpy as np
@@ -49,6 +50,16 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
         write_record(one, legs / f'leg_{k}.csv')
     (legs / 'leg_7.csv').write_text('time [s],voltage [V]\n0,nonsense\n')
     (legs / 'notes.txt').write_text('leg 3 was warm')
+    return made
+
+
+@pytest.fixture(scope='module')
+def two(folder: Path) -> Path:
+    """Return a folder with two of the legs that are alike."""
+    made = folder / 'two'
+    made.mkdir()
+    for k in (1, 2):
+        shutil.copy(folder / 'legs' / f'leg_{k}.csv', made)
     return made
 
 
@@ -112,16 +123,11 @@ def test_the_page_shows_every_motor_in_every_parameter(toured: Path) -> None:
 
 
 def test_a_given_model_is_what_all_are_held_against(
-    toured: Path, capsys: pytest.CaptureFixture[str]
+    two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    legs = [str(toured / 'legs' / f'leg_{k}.csv') for k in (1, 2)]
-    model = str(toured / 'model.yaml')
-    fit = ['fit', legs[0], '--motor', 'brushed_dc', '--effect', 'coulomb_friction', '-o', model]
+    model = str(tmp_path / 'model.yaml')
+    fit = ['fit', str(two / 'leg_1.csv'), '--motor', 'brushed_dc', '--effect', 'coulomb_friction', '-o', model]
     assert main(fit) == 0
-    two = toured / 'two'
-    two.mkdir()
-    for leg in legs:
-        (two / Path(leg).name).write_bytes(Path(leg).read_bytes())
     capsys.readouterr()
     assert main(['fleet', str(two), '--model', model, '--workers', '1']) == 0
     said = capsys.readouterr().out
@@ -131,12 +137,12 @@ def test_a_given_model_is_what_all_are_held_against(
 
 
 def test_the_python_of_the_page_runs(
-    toured: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    two: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.chdir(toured)
+    monkeypatch.chdir(two.parent)
     (code,) = re.findall(r'```python\n(.*?)```', PAGE, flags=re.DOTALL)
-    two = code.replace("'legs'", "'two'")
-    exec(compile(two, 'fleet.md', 'exec'), {})
+    of_two = code.replace("'legs'", "'two'")
+    exec(compile(of_two, 'fleet.md', 'exec'), {})
     assert capsys.readouterr().out == 'leg_1\nleg_2\n'
 
 
@@ -240,8 +246,8 @@ def test_folders_without_motors_are_refused(
     assert 'error: a: ' in capsys.readouterr().err
 
 
-def test_a_motor_whose_process_crashes_costs_no_other(toured: Path) -> None:
-    legs = motors_in(toured / 'two')
+def test_a_motor_whose_process_crashes_costs_no_other(two: Path) -> None:
+    legs = motors_in(two)
     records = {name: load(paths[0]).records for name, paths in legs.items()}
 
     def all_but_the_first(tasks, work):
