@@ -126,7 +126,8 @@ def test_a_given_model_is_what_all_are_held_against(
     two: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     model = str(tmp_path / 'model.yaml')
-    fit = ['fit', str(two / 'leg_1.csv'), '--motor', 'brushed_dc', '--effect', 'coulomb_friction', '-o', model]
+    fit = ['fit', str(two / 'leg_1.csv'), '--motor', 'brushed_dc']
+    fit += ['--effect', 'coulomb_friction', '-o', model]
     assert main(fit) == 0
     capsys.readouterr()
     assert main(['fleet', str(two), '--model', model, '--workers', '1']) == 0
