@@ -8,6 +8,7 @@ from motor_sysid.diagnosis.experiment.next_experiment import next_experiment
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import Compared
+from motor_sysid.diagnosis.search.delay_walk import walked
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.further import RESTLESS
@@ -265,8 +266,8 @@ class Engine:
         return rung, self.score(rung)
 
     def refine(self, rung: Rung) -> Rung:
-        """Return a fit in fine enough steps, without what these prove superfluous."""
-        finer, self.bench = refined(rung, self.bench)
+        """Return a fit out of pits, in fine enough steps, without what is superfluous there."""
+        finer, self.bench = refined(*walked(rung, self.bench))
         if finer is rung:
             return rung
         return pruned(finer, self.bench, self.gains, self.tell, last=True)

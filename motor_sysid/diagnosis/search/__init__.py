@@ -6,5 +6,6 @@ candidate after its refit), `grid_starts`, `refit`; `confusable`, `synonyms` and
 wins a round, and who does as well); `further` (what is tried where nothing helps), `rounds`; what
 a climb by single effects misses: `step_ahead`, `pairs`, `exchange`; `prune`; how exact a fit is:
 `edges`, `delay_profile`, `valleys`, `standard_errors`, `feedback` (of a controller), `pits`,
-`strides`, `integration_steps`; what is done to a finished ladder: `polish`, `retelling`.
+`strides`, `delay_walk`, `integration_steps`; what is done to a finished ladder: `polish`,
+`retelling`.
 """

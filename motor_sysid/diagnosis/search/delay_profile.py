@@ -38,15 +38,14 @@ def with_profiled_delays(
     It is no less than what the derivatives told.  Noise that is correlated makes chance larger, as
     much as the standard error there is larger than the `bound` for white noise.
     """
-    names = [f'{key}.{effect(key).card.delay}' for key in model.effects if effect(key).card.delay]
     found, best = {}, dict(zip(bound.names, bound.bound, strict=True))
-    for name in names:
+    for name in delays_of(model):
         p = model.parameters[name]
-        if not p.free or p.sigma is None or not np.isfinite(p.sigma):
+        if p.sigma is None or not np.isfinite(p.sigma):
             continue
         chance = CHANCE * max(p.sigma / best[name], 1.0) ** 2 if best[name] > 0.0 else CHANCE
         dt = bench.train[0][0].drive.dt
-        least = _held(model, name, p.value, bench, weighting)[1]
+        least = held_at(model, name, p.value, bench, weighting)[1]
         begun = max(NORMAL * p.sigma, LEAST * dt)
         reached = [begun, *_doubled(begun, max(MOST * dt, begun))]
         sides = [
@@ -55,6 +54,12 @@ def with_profiled_delays(
         ]
         found[name] = max(p.sigma, *(side / NORMAL for side in sides))
     return model.with_estimates({}, found)
+
+
+def delays_of(model: Model) -> list[str]:
+    """Return the free parameters that delay the input."""
+    names = [f'{key}.{effect(key).card.delay}' for key in model.effects if effect(key).card.delay]
+    return [name for name in names if model.parameters[name].free]
 
 
 def _doubled(begun: float, last: float) -> Iterator[float]:
@@ -76,7 +81,7 @@ def _width(
     p, inside = model.parameters[name], 0.0
     for move in moves:
         value = float(np.clip(p.value + move, p.lower, p.upper))
-        model, cost = _held(model, name, value, bench, weighting)
+        model, cost = held_at(model, name, value, bench, weighting)
         far = abs(value - p.value)
         if cost > allowed:
             return max(inside, far * float(np.sqrt((allowed - least) / (cost - least))))
@@ -86,7 +91,7 @@ def _width(
     return inside
 
 
-def _held(
+def held_at(
     model: Model, name: str, value: float, bench: Bench, weighting: Weighting
 ) -> tuple[Model, float]:
     """Return the best model with a parameter held at a value, and its weighted sum of squares."""
