@@ -1,11 +1,14 @@
 """Which sources of noise make a spectrum, and how strong: as few as the data ask for.
 
 The sizes of given sources follow from non-negative least squares relative to the spectrum that
-they make.  Sources are added one by one while Whittle's likelihood grows by more than BIC asks
-for, and dropped when later ones have taken over.  Free mixing would fit the scatter of the lowest
-bands, and be wrong below them; and a random force taken for errors of two sensors would look like
-a missing effect, for the two would no longer agree with the equations.
-(Whittle 1953, doi:10.1007/BF02590998; Lawson and Hanson 1974; Schwarz 1978.)
+they make.  Sources are added one by one while Whittle's likelihood grows by more than the
+extended BIC asks for, and dropped when later ones have taken over.  Free mixing would fit the
+scatter of the lowest bands, and be wrong below them; a random force taken for errors of two
+sensors would look like a missing effect, for the two would no longer agree with the equations;
+and one that is not there makes evidence in every run of a bootstrap, so that the best of many
+sources has to pay for having been chosen.
+(Whittle 1953, doi:10.1007/BF02590998; Lawson and Hanson 1974; Chen and Chen 2008,
+doi:10.1093/biomet/asn034.)
 """
 
 import numpy as np
@@ -31,7 +34,7 @@ def parsimonious(seen: Array, known: Array, power: Array, counts: Array) -> Arra
         (b,) independent values of the periodogram in each band.
     """
     fit = _Fit(seen, known, power, counts)
-    price = float(np.log(np.sum(counts)))
+    price = float(np.log(np.sum(counts)) + 2.0 * np.log(max(power.shape[1], 1)))
     chosen: tuple[int, ...] = ()
     while True:
         more = [(*chosen, k) for k in range(power.shape[1]) if k not in chosen]

@@ -1,0 +1,49 @@
+"""Which sources of noise make a spectrum: those that are there, and seldom one more."""
+
+import numpy as np
+
+from motor_sysid.diagnosis.calibration.mixture import parsimonious
+
+MEMORIES = (0.0, 3.0, 10.0, 30.0, 100.0, 300.0)
+BANDS = np.geomspace(2e-3, 0.5, 25)
+COUNTS = 0.5 * np.round(np.diff(np.geomspace(2e-3, 0.55, 26)) * 2000 + 1)
+DRAWS = 400
+
+
+def sources() -> np.ndarray:
+    """Return (b, k) spectra at two sensors: errors of each, and forces that reach both."""
+    turn = (2 * np.pi * BANDS) ** 2
+    shapes = [np.ones_like(BANDS) if m == 0.0 else 2 * m / (1 + m**2 * turn) for m in MEMORIES]
+    none = np.zeros_like(BANDS)
+    current = [np.stack((one, none), axis=1) for one in shapes[:3]]
+    speed = [np.stack((none, one), axis=1) for one in shapes[:3]]
+    force = [np.stack((one * turn / (0.01 + turn), one / (0.001 + turn)), 1) for one in shapes]
+    return np.column_stack([one.ravel() for one in current + speed + force])
+
+
+def found(rng: np.random.Generator, factors: np.ndarray) -> tuple[int, ...]:
+    """Return which sources are found in the mean periodogram of a drawn record."""
+    power, weights = sources(), np.repeat(COUNTS, 2)
+    true = power @ factors
+    seen = true * rng.gamma(weights, 1.0 / weights)
+    kept = parsimonious(seen, np.zeros_like(seen), power, weights)
+    return tuple(int(k) for k in np.flatnonzero(kept))
+
+
+def test_seldom_a_source_that_is_not_there():
+    """The best of ten others has to be more than chance makes it: at most 1 % have one too many.
+
+    A true 1 % has more than 11 of 400 once in 1000.
+    """
+    rng = np.random.default_rng(4)
+    factors = np.zeros(12)
+    factors[[0, 3]] = 1.0, 3.0
+    wrong = sum(found(rng, factors) != (0, 3) for _ in range(DRAWS))
+    assert wrong <= 11, wrong
+
+
+def test_a_force_that_is_there_is_found():
+    rng = np.random.default_rng(5)
+    factors = np.zeros(12)
+    factors[[0, 3, 8]] = 1.0, 3.0, 1e-3
+    assert all(8 in found(rng, factors) for _ in range(20))
