@@ -41,10 +41,12 @@ hypothesis.settings.register_profile('repeatable', derandomize=True, deadline=No
 hypothesis.settings.load_profile('repeatable')
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Give each file to one worker, and all that wait for messages to the same one; longest first.
 
-    Nodes keep their times on a machine of two cores if only one set of them runs at once.
+    Nodes keep their times on a machine of two cores if only one set of them runs at once.  Before
+    xdist, which reads the groups in a hook of the same name.
     """
     for item in items:
         item.add_marker(pytest.mark.xdist_group(_group(item)))
