@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
+from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.plant import Plant
+from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT, TOP_ORDER
+from motor_sysid.diagnosis.candidates.proposals import ORDERS
+from motor_sysid.diagnosis.fitting import bench_of
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -63,6 +68,22 @@ def test_contrast_leaves_out_what_is_no_larger_than_its_neighbours():
     assert len(best) == 5
     assert apart == (23,)
     assert matched(turning=0.4).orders(contrast=20.0) == ()
+
+
+def test_a_wave_that_passes_within_samples_stands_out_though_others_explain_more():
+    """45 waves a turn, up to 23 rad a sample: slow moments alone tell of 400, and tell much."""
+    scenario, number = named_case('single/torque_ripple/10/7')
+    case = draw(scenario, 9500, number)
+    bench, model = bench_of(case.train, case.valid, None, 'brushed_dc', {}, 0.2)
+    rung = climb(model, bench)
+    found, ripple = Matched(bench.problem(rung.model), rung.near), effect('torque_ripple')
+    assert case.setting.plant.ripple_order == 45
+    assert 45 not in found.orders(ripple, ORDERS)
+    assert found.clearest(ripple) == (45,)
+
+
+def test_nothing_is_clearest_in_noise():
+    assert matched(turning=0.4).clearest(effect('cogging_torque')) == ()
 
 
 def test_an_effect_is_matched_with_its_carrier():

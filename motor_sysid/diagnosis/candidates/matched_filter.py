@@ -123,11 +123,19 @@ class Matched:
         contrast:
             Least ratio of what an order explains to what its neighbours do (their median).
         """
+        lowest = 1 if one is None else self._lowest(one)
+        return _highest(self.order_gains(one), lowest, contrast)[:count]
+
+    def clearest(self, one: Effect) -> tuple[int, ...]:
+        """Return the waves per turn that stand out most of their neighbours, if any do by much.
+
+        Where waves pass within a few samples, many a wrong order explains something of what a true
+        one leaves, and the best of hundreds of those may explain more than that one.
+        """
         gains = self.order_gains(one)
-        lower = 1.0
-        if one is not None:
-            lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
-        return _highest(gains, max(round(lower), 1), contrast)[:count]
+        peaks = _highest(np.where(gains < SEEN, 0.0, gains), self._lowest(one), STANDS_OUT)
+        apart = gains / np.maximum(surroundings(gains, _BESIDE), 1e-300)
+        return (max(peaks, key=lambda n: apart[n]),) if peaks else ()
 
     def led_orders(self, by: str = 'i', count: int = 2) -> tuple[int, ...]:
         """Return the waves per turn of a torque in proportion to what laws see, best first.
@@ -190,6 +198,12 @@ class Matched:
             if all(abs(k - j) * line > 1.0 for j in apart) and _is_line(gains, k, line):
                 apart.append(k)
         return tuple(_summit(gains, k) * step for k in apart[:count])
+
+    @staticmethod
+    def _lowest(one: Effect) -> int:
+        """Return the fewest waves per turn that an effect may have."""
+        lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
+        return max(round(lower), 1)
 
     def _carrier(self, one: Effect | None, force: str, path: Path) -> Array:
         """Return (N,) what an effect's cosine is multiplied by: its law at no waves per turn."""

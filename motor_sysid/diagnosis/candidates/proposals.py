@@ -29,7 +29,7 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 MOMENTS, FREQUENCIES, ORDERS = 2, 3, 4
-"""How many of each are tried; of orders one more, see `Matched`."""
+"""How many of each are tried; of orders up to two more, see `Matched`."""
 
 _GRID = 2000
 _APART = 0.05
@@ -83,7 +83,8 @@ def proposals(
             continue
         if card.orders:
             there = _waves(model, one)
-            orders = dict.fromkeys((*matched().orders(one, ORDERS), *plain().orders(one, 1)))
+            most, clearest = matched().orders(one, ORDERS), matched().clearest(one)
+            orders = dict.fromkeys((*most, *clearest, *plain().orders(one, 1)))
             found[one.key] = tuple(float(n) for n in orders if not {n, 2 * n} & there)
         if not card.moment and not card.frequency:
             continue
