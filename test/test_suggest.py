@@ -85,7 +85,11 @@ def test_one_direction_is_answered_with_reversals_and_the_truth_is_then_named(ca
 
 
 def test_the_evidence_that_was_expected_is_found(case) -> None:
-    """With the noise that was assumed, refits to the record of the true motor differ as said."""
+    """With the noise that was assumed, refits to the record of the true motor differ as said.
+
+    A motor that only turned forward tells nothing of the friction backward: the true one may be
+    farther from its rival than the fitted values are, or as near as the least that was promised.
+    """
     truth, record, rivals = case
     made = suggest_experiment(rivals, record, quick=False)
     assert made is not None
@@ -96,9 +100,10 @@ def test_the_evidence_that_was_expected_is_found(case) -> None:
         fit(stage.problem(rival, [new]), stage.weighting, reweight=0).cost for rival in rivals
     ]
     found = costs[1 - RIVALS.index(truth)] - costs[RIVALS.index(truth)]
-    expected = made.separations[0].delta_bic
-    assert expected >= 40
-    assert expected / 2 < found < 5 * expected, 'the smaller of the two directions was promised'
+    promised = made.separations[0]
+    assert promised.worst_delta_bic is not None
+    assert promised.delta_bic >= promised.worst_delta_bic >= 40
+    assert promised.worst_delta_bic / 2 < found < 5 * promised.delta_bic
 
 
 def test_the_true_motor_stays_inside_the_limits(case) -> None:
