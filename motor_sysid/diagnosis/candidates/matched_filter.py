@@ -101,6 +101,7 @@ class Matched:
         weighting = white([one.residual for one in near]) if plain else _noise(near)
         pulses = _pulses(problem)
         self._power = _power(pulses, weighting)
+        self._gains: dict[tuple[str, str], Array] = {}
         scored = scored_paths(problem, paths_of(problem))
         errors = _errors(near, weighting)
         self._stretches = [
@@ -151,6 +152,13 @@ class Matched:
 
         The wave of an effect, or of a torque; in proportion to what laws see by that name, if any.
         """
+        place = (one.key if one else '', by)
+        if place not in self._gains:
+            self._gains[place] = self._order_gains(one, by)
+        return self._gains[place].copy()
+
+    def _order_gains(self, one: Effect | None, by: str) -> Array:
+        """Return the same, in a pass over the data."""
         total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
         turned = 0.0
         for stretch in self._stretches:
