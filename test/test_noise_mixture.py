@@ -1,6 +1,7 @@
 """Which sources of noise make a spectrum: those that are there, and seldom one more."""
 
 import numpy as np
+import pytest
 
 from motor_sysid.diagnosis.calibration.mixture import parsimonious
 
@@ -42,6 +43,20 @@ def test_seldom_a_source_that_is_not_there():
     factors[[0, 3]] = 1.0, 3.0
     wrong = sum(found(rng, factors) != (0, 3) for _ in range(DRAWS))
     assert wrong <= 11, wrong
+
+
+@pytest.mark.parametrize(('size', 'told'), [(3.8e-4, False), (7e-4, True)])
+def test_the_best_of_many_pays_for_having_been_chosen(size: float, told: bool) -> None:
+    """The smaller force lowers the deviance by 10.4: the plain BIC asks for 7.0.
+
+    That there are twelve to choose from asks for another 5.0; the larger one lowers it by 25.6.
+    """
+    factors = np.zeros(12)
+    factors[[0, 3, 8]] = 1.0, 3.0, size
+    power = sources()
+    seen = power @ factors
+    kept = parsimonious(seen, np.zeros_like(seen), power, np.repeat(COUNTS, 2))
+    assert bool(np.any(kept[FORCES:])) is told
 
 
 def test_a_force_that_is_there_is_found():
