@@ -8,7 +8,8 @@ from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.delay_walk import walked
-from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.further import RESTLESS
+from motor_sysid.diagnosis.search.rung import climb, leaves_much
 from motor_sysid.physics.model import Model
 
 MADE_UP = 0.9e-3
@@ -58,3 +59,15 @@ def test_a_delay_at_its_best_and_a_model_without_one_stay(
     assert walked(right, bench) == (right, bench)
     bare = climb(model, bench)
     assert walked(bare, bench) == (bare, bench)
+
+
+def test_edges_that_look_like_noise_in_the_held_out_data_do_not_stop_the_walk() -> None:
+    """The held-out error is 0.88 times what its own differences tell of noise, and 4 times it."""
+    fast = draw(named_case('single/input_delay/10/6')[0], 9500, 6)
+    bench, model = bench_of(fast.train, fast.valid, None, 'brushed_dc', {}, 0.2)
+    stuck = climb(delayed(fast, model, 1.76e-3), bench)
+    assert not leaves_much(stuck, bench, RESTLESS)
+    found, _ = walked(stuck, bench)
+    truth = true_effect_values(fast)['input_delay.delay']
+    assert found.model['input_delay.delay'] == pytest.approx(truth, rel=0.01)
+    assert found.held.error_percent < 0.5 * stuck.held.error_percent

@@ -122,6 +122,16 @@ def test_a_moment_is_found_on_one_record_whose_end_is_held_back():
     assert found.model['load_torque_step.t_on'] == pytest.approx(4.31, abs=5e-3)
 
 
+def test_a_load_that_goes_is_told_beside_the_one_that_was_there_from_the_start():
+    pair = records(tau_l=6e-3, step_torque=-6e-3, step_time=4.31)
+    effects = ['constant_load_torque', 'load_torque_step', 'friction_drift', 'periodic_load']
+    found = diagnose(pair[:1], pair[1:], motor='brushed_dc', effects=effects)
+    assert set(found.effects) == {'constant_load_torque', 'load_torque_step'}
+    for name, value in (('constant_load_torque.tau_l', 6e-3), ('load_torque_step.tau_l', -6e-3)):
+        assert found.model[name] == pytest.approx(value, rel=0.03), name
+    assert found.model['load_torque_step.t_on'] == pytest.approx(4.31, abs=5e-3)
+
+
 def test_the_offset_of_a_current_sensor_is_a_parameter_not_a_finding():
     pair = records(replace(SENSORS, current_offset=0.3))
     found = diagnose(

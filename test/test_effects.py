@@ -340,6 +340,17 @@ def test_an_unknown_argument_of_a_law_is_an_error_when_loaded(tmp_path):
         catalogue().pop('asks_too_much', None)
 
 
+def test_what_sets_in_leaves_what_was_there_and_a_wider_law_takes_its_place():
+    base = Model.base('brushed_dc', MOTOR).with_effect('constant_load_torque', {'tau_l': 2e-3})
+    both = base.with_effect('load_torque_step', {'tau_l': 1e-3, 't_on': 4.0})
+    assert both.effects == ('constant_load_torque', 'load_torque_step')
+    assert both['constant_load_torque.tau_l'] == 2e-3
+    dry = Model.base('brushed_dc', MOTOR).with_effect('coulomb_friction', {'tau_c': 2e-3})
+    wide = dry.with_effect('stribeck_friction', {'tau_s': 1e-3})
+    assert wide.effects == ('stribeck_friction',)
+    assert wide['stribeck_friction.tau_c'] == 2e-3
+
+
 def test_teeth_push_and_never_pull():
     """Where they part fast, damping would hold them back; in the gap nothing acts at all."""
     push = import_module('motor_sysid.physics.effects.backlash').push

@@ -1,6 +1,7 @@
 """What an effect must not gain by: a noise model, a sensor, a law that is pushed to its limit."""
 
 from dataclasses import replace
+from importlib import import_module
 from types import SimpleNamespace
 
 from bench_motor import MOTOR as BENCH_MOTOR
@@ -15,7 +16,6 @@ from motor_sysid.diagnosis.search.gates import (
     gate_note,
     gone,
     misfit_of_laws,
-    senseless,
     TAKES_OVER,
     TOO_LITTLE,
     TRIFLE,
@@ -30,6 +30,7 @@ from motor_sysid.diagnosis.search.rung import (
     with_better_sensor,
     within_reach,
 )
+from motor_sysid.diagnosis.search.sense import is_impossible, is_nonsense, senseless
 from motor_sysid.diagnosis.search.trial import Level
 from motor_sysid.estimation.batch import coloured
 from motor_sysid.physics.effects import effect
@@ -234,6 +235,22 @@ def test_what_does_not_come_back_within_a_record_is_no_periodic_load(hertz, sens
     assert found == ('' if sense else 'swings less than once within a record')
 
 
+@pytest.mark.parametrize(('moment', 'sense'), [(0.0, False), (0.07, False), (0.09, True)])
+def test_what_is_there_from_the_start_of_a_record_on_does_not_set_in(moment, sense):
+    model = with_effect('load_torque_step', {'tau_l': 1e-3, 't_on': moment})
+    found = senseless(model, 'load_torque_step', 8.0)
+    assert found == ('' if sense else 'is there from the start of a record on')
+    assert is_nonsense(model, 'load_torque_step', 8.0) is not sense
+    assert not is_impossible(model, 'load_torque_step', 8.0)
+
+
+def test_a_last_effect_that_makes_no_sense_in_the_last_fit_is_taken_back():
+    old = with_effect('coulomb_friction', {'tau_c': 1e-3})
+    model = old.with_effect('periodic_load', {'a': 1e-3, 'b': 0.0, 'f': 0.05})
+    why = why_idle(last_fit(model, 2.0), last_fit(old, 5.0), 'periodic_load', 10.0)
+    assert why == 'swings less than once within a record'
+
+
 def test_a_ratio_at_its_limit_means_another_law():
     shaft = with_effect('flexible_shaft', {'r': 0.5, 'w_a': 200.0, 'z': 0.05})
     assert note(shaft, 'flexible_shaft', gain=10.0) == ''
@@ -322,7 +339,7 @@ def test_what_may_be_nothing_in_the_last_fit_and_does_next_to_nothing_is_idle(
     old = with_effect(before, {'tau_c': 1e-3}) if before else Model.base('brushed_dc', MOTOR)
     model = old.with_effect('quadratic_drag', {'k_d': 1e-8})
     model = model.with_estimates({}, {'quadratic_drag.k_d': sigma * 1e-8})
-    found = why_idle(last_fit(model, error), last_fit(old, 5.0), 'quadratic_drag')
+    found = why_idle(last_fit(model, error), last_fit(old, 5.0), 'quadratic_drag', 10.0)
     assert found == (UNCERTAIN if idle else '')
 
 
@@ -356,7 +373,7 @@ def test_a_further_effect_that_lowers_no_error_to_speak_of_is_idle(
     name = effect(key).card.amplitudes[0].name
     model = old.with_effect(key, {name: 1e-6})
     model = model.with_estimates({}, {f'{key}.{name}': 1e-8})
-    assert why_idle(last_fit(model, held, training), last_fit(old, 5.0), key) == why
+    assert why_idle(last_fit(model, held, training), last_fit(old, 5.0), key, 10.0) == why
 
 
 def test_an_amplitude_counts_for_its_shapes_as_they_are():
@@ -491,3 +508,23 @@ def test_a_periodic_load_comes_back_within_a_record(frequency, says):
     model = with_effect('periodic_load', {'a': 1e-3, 'b': 1e-3, 'f': frequency})
     assert says in note(model, 'periodic_load', gain=20.0, further=False)
     assert bool(says) == bool(note(model, 'periodic_load', gain=20.0, further=False))
+
+
+@pytest.mark.parametrize(
+    ('held', 'exactly', 'why'),
+    [
+        (4.98, 4.978, TRIFLE),  # the fit before it was as good, in fine steps
+        (4.98, 5.0, ''),
+        (4.7, 4.698, ''),  # lowers it by much: the fit before it is not made again
+    ],
+)
+def test_what_makes_up_for_a_fit_that_was_not_exact_is_needless(monkeypatch, held, exactly, why):
+    module = import_module('motor_sysid.diagnosis.search.needless')
+    old = with_effect('coulomb_friction', {'tau_c': 1e-3})
+    model = old.with_effect('quadratic_drag', {'k_d': 1e-8})
+    model = model.with_estimates({}, {'quadratic_drag.k_d': 1e-10})
+    monkeypatch.setattr(module, 'exact', lambda rung, bench: (last_fit(old, exactly), bench))
+    bench = SimpleNamespace(scales=SimpleNamespace(duration=10.0))
+    before = last_fit(old, 5.0)
+    assert module.why_needless(last_fit(model, held), before, bench) == why
+    assert module.why_needless(before, last_fit(model, held), bench) == ''  # it has no more

@@ -67,10 +67,9 @@ def test_what_is_superfluous_beside_another_has_shown_it_the_way_and_goes():
     assert gain > bench.threshold
 
 
-@pytest.mark.parametrize('why', ['is_impossible', 'senseless'])
-def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch, why):
+def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch):
     pairs = import_module('motor_sysid.diagnosis.search.pairs')
-    monkeypatch.setattr(pairs, why, lambda model, key, duration: True)
+    monkeypatch.setattr(pairs, 'is_nonsense', lambda model, key, duration: True)
     bench, base, scores = base_of(HIDDEN)
     assert best_twosome(base, scores, bench, lambda text: None) is None
 

@@ -12,8 +12,9 @@ from motor_sysid.diagnosis.search.delay_walk import walked
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.further import RESTLESS
-from motor_sysid.diagnosis.search.gates import is_told, MIN_FURTHER_GAIN_PERCENT, why_idle
+from motor_sysid.diagnosis.search.gates import is_told, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
+from motor_sysid.diagnosis.search.needless import why_needless
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
@@ -46,9 +47,9 @@ from motor_sysid.diagnosis.search.rung import (
     profile_cost,
     Rung,
     SPOILED,
-    vanished,
     with_better_sensor,
 )
+from motor_sysid.diagnosis.search.sense import is_nonsense
 from motor_sysid.diagnosis.search.step_ahead import fast_waves, hopeful, in_its_place, second_of
 from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
@@ -178,9 +179,9 @@ class Engine:
         weighting = winner.rung.result.weighting
         best, _ = deepest(climb(winner.rung.model, self.bench, weighting), self.bench)
         worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
-        best = winner.rung if worse or vanished(best.model, winner.key) else best
-        best = self.refine(pruned(best, self.bench, self.gains, self.tell))
-        return freed(best, self.bench)
+        worse = worse or is_nonsense(best.model, winner.key, self.bench.scales.duration)
+        best = pruned(winner.rung if worse else best, self.bench, self.gains, self.tell)
+        return freed(self.refine(best), self.bench)
 
     def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:
         """Fit what a climb came to exactly, and give the verdict.
@@ -312,8 +313,7 @@ class Engine:
                 continue
             last, bench = exact(rung, self.bench)
             key, before = last.model.effects[-1], ladder[-2][0]
-            grown = set(before.model.effects) < set(last.model.effects)
-            if grown and (why := why_idle(last, before, key)):
+            if why := why_needless(last, before, bench):
                 ladder.pop()
                 title = effect(key).card.title
                 self.notes.append(f'{title} would explain a little more, but {why}')

@@ -186,8 +186,8 @@ class Card:
     delay:
         Name of the parameter that delays the input, if the effect is one.
     generalises:
-        Effects that are special cases of this one, which takes their place: key to (own parameter,
-        parameter of the special case that it starts from) pairs.
+        Effects that are special cases of this one: key to (own parameter, parameter of the
+        special case that it starts from) pairs.  It takes the place of what it `replaces` of them.
     sum_of:
         Effects whose laws together are this one's law under other parameters: no record tells
         them apart.
@@ -269,6 +269,14 @@ class Card:
     def parameters(self) -> tuple[Amplitude | Shape, ...]:
         """Amplitudes, then shapes."""
         return (*self.amplitudes, *self.shapes)
+
+    @property
+    def replaces(self) -> Mapping[str, tuple[tuple[str, str], ...]]:
+        """Special cases that leave no room for themselves beside this effect, as `generalises`.
+
+        What sets in at some moment adds to what is there from the start.
+        """
+        return {} if self.moment else self.generalises
 
 
 @dataclass(frozen=True)

@@ -95,9 +95,8 @@ class Model:
     ) -> 'Model':
         """Return the model with one effect more.
 
-        Effects that the new one generalises go, and it starts from their values, kept inside its
-        boxes; a parameter of
-        the motor that does the same is held from now on.  `values` name
+        Effects that the new one replaces go, and it starts from their values, kept inside its
+        boxes; a parameter of the motor that does the same is held from now on.  `values` name
         the effect's parameters without its key; the others start at zero (amplitudes) or at their
         first start (shapes).  With `scales` the boxes are those of the card; without, they are
         wide open.
@@ -120,7 +119,7 @@ class Model:
                 'does not have'
             )
         slim, inherited = self, {}
-        for special, pairs in new.card.generalises.items():
+        for special, pairs in new.card.replaces.items():
             if special in slim.effects:
                 inherited = {mine: self[f'{special}.{theirs}'] for mine, theirs in pairs}
                 slim = slim.without_effect(special)

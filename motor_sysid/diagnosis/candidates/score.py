@@ -351,8 +351,8 @@ def _together(
 
 
 def _related(one: Effect, other: Effect) -> bool:
-    """Whether two variants are of one effect, or of one and what generalises it."""
-    families = [{e.key, *e.card.generalises} for e in (one, other)]
+    """Whether two variants are of one effect, or of two of which one replaces the other."""
+    families = [{e.key, *e.card.replaces} for e in (one, other)]
     return bool(families[0] & families[1])
 
 

@@ -51,13 +51,13 @@ def variants(
     for one in map(model.kind.taking, effects):
         if not model.lacks(one):
             continue
-        if any(one.key in effect(key).card.generalises for key in model.effects):
+        if any(one.key in effect(key).card.replaces for key in model.effects):
             continue
         if len(one.card.sum_of) > 1 and set(one.card.sum_of) <= set(model.effects):
             continue
         if any(p.name == one.card.covers for p in model.parameters.free):
             continue
-        pairs = [p for special, p in one.card.generalises.items() if special in model.effects]
+        pairs = [p for special, p in one.card.replaces.items() if special in model.effects]
         taken = {mine for some in pairs for mine, _ in some}
         inherits = bool(pairs)
         for values in _choices(one, scales, proposed.get(one.key, ()), taken):

@@ -86,7 +86,7 @@ def fit_rivals(
 
 
 def _why_not(key: str, others: Sequence[str]) -> str:
-    if any(key in effect(other).card.generalises for other in others):
+    if any(key in effect(other).card.replaces for other in others):
         return f'`{key}` is a special case of another effect of the rival; leave it out'
     return (
         f'`{key}` is no rival: in these data it would have a sign that physics forbids; leave it '

@@ -10,12 +10,7 @@ from dataclasses import dataclass, replace
 from motor_sysid.diagnosis.candidates.score import Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
-from motor_sysid.diagnosis.search.gates import (
-    is_impossible,
-    is_usual,
-    MIN_FURTHER_GAIN_PERCENT,
-    senseless,
-)
+from motor_sysid.diagnosis.search.gates import is_usual, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.prune import pruned, runs_clearly_better
 from motor_sysid.diagnosis.search.ranking import (
     margin_of,
@@ -34,6 +29,7 @@ from motor_sysid.diagnosis.search.refit import (
 )
 from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, SPOILED
+from motor_sysid.diagnosis.search.sense import is_impossible, senseless
 from motor_sysid.diagnosis.search.trial import Level, ONLY_NOISE, Trial
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -338,10 +334,10 @@ def _runs_better(pair: Rung, rung: Rung, key: str) -> bool:
 
 
 def _goes_with(key: str, others: Sequence[str]) -> bool:
-    """Whether an effect is none of some others, nor a special case or a general one of any."""
-    wide = set(effect(key).card.generalises)
+    """Whether an effect is none of some others, nor takes the place of any or any its own."""
+    wide = set(effect(key).card.replaces)
     return all(
-        key != one and one not in wide and key not in effect(one).card.generalises
+        key != one and one not in wide and key not in effect(one).card.replaces
         for one in others
     )
 

@@ -7,10 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.score import Scored
-from motor_sysid.diagnosis.search.rung import certainty, Rung, SPOILED, vanished
+from motor_sysid.diagnosis.search.rung import certainty, Rung, SPOILED
+from motor_sysid.diagnosis.search.sense import is_impossible, narrowed, senseless, TOLD
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Weighting
-from motor_sysid.physics.effect import Effect, Scale
+from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -83,10 +84,6 @@ KNOWN = 0.3
 LEAST_CERTAINTY = 9.0
 """Squared number of honest standard errors that an amplitude must be from zero: where errors come
 in bursts, evidence alone counts more than there is."""
-
-TOLD = 2.0
-"""Standard errors of the last fit, whose noise is taken as it is, that an amplitude must be from
-zero: fewer, and its 95 % interval holds zero."""
 
 SURE, SURE_GAIN = 50.0, 10.0
 """Evidence in units of what noise asks for, and fall of the held-out error in percent, with which
@@ -161,23 +158,6 @@ def _steadiness(gains: Array) -> float:
     return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
-def senseless(model: Model, key: str, duration: float) -> str:
-    """Return why what the shapes of an effect have come to makes no sense, or nothing.
-
-    Times, speeds and angles are bounded by what the records show; a ratio by what it means, and on
-    its upper bound it means nothing.  What comes back at a frequency must do so within the
-    `duration` of a record, s.
-    """
-    card = effect(key).card
-    if card.frequency and model[f'{key}.{card.frequency}'] * duration < 1.0:
-        return 'swings less than once within a record'
-    for shape in card.shapes:
-        p = model.parameters[f'{key}.{shape.name}']
-        if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
-            return f'{shape.name} ({shape.description}) is at the limit of what makes sense'
-    return ''
-
-
 def gone(new: Model, old: Model) -> str:
     """Return a parameter of the motor that was well known and is now nothing, or nothing.
 
@@ -212,52 +192,24 @@ def _missed(new: Rung, old: Rung) -> str:
     return gone(new.model, old.model)
 
 
-def narrowed(model: Model, key: str) -> str:
-    """Return the title of the special case that an effect has come to, or nothing.
-
-    All that it adds to the special case is nothing: a friction that does not rise near standstill
-    is Coulomb friction.
-    """
-    card = effect(key).card
-    for special, pairs in card.generalises.items():
-        taken = {mine for mine, _ in pairs}
-        extra = [a for a in card.amplitudes if a.positive and a.name not in taken]
-        added = [model.parameters[f'{key}.{a.name}'] for a in extra]
-        if added and all(p.value <= 1e-9 * p.upper for p in added):
-            return effect(special).card.title
-    return ''
-
-
-def feeds(model: Model, key: str, duration: float) -> bool:
-    """Whether an effect uses up a friction in `duration` s for certain, and feeds energy then."""
-    for name, sources in effect(key).card.drains.items():
-        p = model.parameters[f'{key}.{name}']
-        there = sum(model[source] for source in sources if source in model.parameters)
-        if (p.value + TOLD * (p.sigma or 0.0)) * duration < -there:
-            return True
-    return False
-
-
-def is_impossible(model: Model, key: str, duration: float) -> bool:
-    """Whether physics forbids what a fit has made of an effect, in a record of `duration` s."""
-    return vanished(model, key) or feeds(model, key, duration)
-
-
 def is_told(model: Model, key: str) -> bool:
     """Whether an amplitude of an effect is told from zero, whatever else is not known."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
     return any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
 
 
-def why_idle(rung: Rung, without: Rung, key: str) -> str:
+def why_idle(rung: Rung, without: Rung, key: str, duration: float) -> str:
     """Return why an effect of the last fit may as well be left out, or nothing.
 
     In the last fit signs are sharper and noise is taken as it is.  What does next to nothing then
     may be nothing: where a shape of a law is at the end of what the data show, and its amplitude
     with it, the law may stand for any other, the more so where no amplitude is seen but in
     combination.  A further effect that is told, but lowers no error to speak of, has had its
-    chance: while models are climbed to, what lowers an error by little may lead far down.
+    chance: while models are climbed to, what lowers an error by little may lead far down.  Nor may
+    it have come to what makes no sense within the `duration` of a record, s.
     """
+    if why := senseless(rung.model, key, duration):
+        return why
     gain = 100 * (1 - combined_error(rung.held, without.held))
     further = bool(without.model.effects)
     much = further or not is_seen(rung.model, key)

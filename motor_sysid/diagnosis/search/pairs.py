@@ -11,11 +11,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 from motor_sysid.diagnosis.candidates.score import Scored, Scores
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import is_impossible, is_told, senseless
+from motor_sysid.diagnosis.search.gates import is_told
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.search.sense import is_nonsense
 from motor_sysid.diagnosis.search.step_ahead import stands
 from motor_sysid.diagnosis.search.trial import judged, Level, Trial
 
@@ -61,8 +62,8 @@ def best_twosome(
     slim = pruned(rung, bench, dict.fromkeys(starts, gain), tell, last=True)
     model, duration = slim.model, bench.scales.duration
     own = [key for key in model.effects if key not in base.model.effects]
-    there = all(is_told(model, key) and not is_impossible(model, key, duration) for key in own)
-    if not own or not there or any(senseless(model, key, duration) for key in own):
+    there = all(is_told(model, key) and not is_nonsense(model, key, duration) for key in own)
+    if not own or not there:
         return None
     alone = [starts[key] for key in own if key in starts] if len(own) < TWO else []
     return slim, level.gain(slim, bench), [judged(one, slim, level, bench) for one in alone]

@@ -6,7 +6,8 @@ from dataclasses import replace
 import numpy as np
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.rung import judge, Rung, vanished
+from motor_sysid.diagnosis.search.rung import judge, Rung
+from motor_sysid.diagnosis.search.sense import vanished
 from motor_sysid.diagnosis.search.standard_errors import profiled
 from motor_sysid.estimation.batch import fit, Problem
 from motor_sysid.physics.parameters import Parameter, ParameterSet

@@ -74,7 +74,7 @@ def pruned(
                 rung = slim
                 continue
         for special in effect(key).card.generalises:
-            if not rung.model.admits(effect(special)):
+            if special in rung.model.effects or not rung.model.admits(effect(special)):
                 continue
             model = narrowed(rung.model, key, special, bench.scales)
             slim = _simpler(rung, model, bench, FAITHFUL**2 * gains.get(key, 0.0))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.candidates.variants import shrunk
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import feeds, NO_EVIDENCE, UNPHYSICAL
+from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, UNPHYSICAL
 from motor_sysid.diagnosis.search.grid_starts import starts_on_grid
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
@@ -21,6 +21,7 @@ from motor_sysid.diagnosis.search.rung import (
     Rung,
     some_of,
 )
+from motor_sysid.diagnosis.search.sense import feeds
 from motor_sysid.diagnosis.search.trial import judged, Level, Trial
 from motor_sysid.estimation.batch import (
     fit,

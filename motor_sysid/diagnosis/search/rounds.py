@@ -21,6 +21,7 @@ from motor_sysid.diagnosis.search.gates import (
     ALIKE,
     MIN_FURTHER_GAIN_PERCENT,
     NO_EVIDENCE,
+    TOO_LITTLE,
     UNCERTAIN,
     UNPHYSICAL,
 )
@@ -45,6 +46,7 @@ from motor_sysid.diagnosis.search.refit import (
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
+    FINER,
     leaves_much,
     LOST,
     profile_cost,
@@ -177,7 +179,7 @@ def refitted(
             if lost:
                 trials = tried_again(trials, chosen + more, again, worth)
         trials = _beside_the_best(trials, level, bench, pool)
-        trials = _special_cases_settled(trials, level, bench)
+        trials = _in_finer_steps(_special_cases_settled(trials, level, bench), level, bench, pool)
         most = max((trial.delta_bic for trial in trials), default=0.0)
         passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
         winner = winner_of(passing) if passing else None
@@ -215,6 +217,24 @@ def _special_cases_settled(
         if not t.passes and t.key in covered and t.delta_bic > enough else t
         for t in trials
     ]  # fmt: skip
+
+
+def _in_finer_steps(
+    trials: Sequence[Trial], level: Level, bench: Bench, pool: ThreadPoolExecutor
+) -> list[Trial]:
+    """Return the trials; if none passes in coarse steps, those with evidence fitted in fine ones.
+
+    A rough fit takes at most `FINER` steps a sample.  Where the model needs more, it makes up for
+    what its integration does wrong, and the judgement in fine steps sees only the harm in that.
+    """
+    if bench.substeps <= FINER or any(trial.passes for trial in trials):
+        return list(trials)
+    most = max((trial.delta_bic for trial in trials), default=0.0)
+    least = max(bench.threshold, SPECIAL_SHARE * most)
+    harmed = [t for t in trials if t.delta_bic > least and t.note.startswith(TOO_LITTLE)]
+    fine = pool.map(lambda trial: settled(trial, level, bench), harmed)
+    mended = dict(zip((trial.key for trial in harmed), fine, strict=True))
+    return [mended.get(trial.key, trial) for trial in trials]
 
 
 def helps(trials: Sequence[Trial]) -> bool:
@@ -266,10 +286,10 @@ def _begun_where(trial: Trial, model: Model) -> Model:
     """Return a model with what it shares with a fitted trial, as that has it."""
     found, card = trial.rung.model, trial.scored.variant.effect.card
     values = {p.name: found[p.name] for p in model.parameters.free if p.name in found.parameters}
-    for key in set(card.generalises) & set(model.effects):
+    for key in set(card.replaces) & set(model.effects):
         values |= {
             f'{key}.{narrow}': found[f'{trial.key}.{wide}']
-            for wide, narrow in card.generalises[key]
+            for wide, narrow in card.replaces[key]
         }
     inside = model.parameters.inside(values)
     return model.with_values(inside).with_speed_sensor(found.speed_sensor)
@@ -322,7 +342,7 @@ def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
     """
     mine, found = set(rung.model.effects), {}
     for trial in sorted(tried, key=lambda t: (-len(t.rung.model.effects), t.delta_bic)):
-        narrower = mine & set(trial.scored.variant.effect.card.generalises)
+        narrower = mine & set(trial.scored.variant.effect.card.replaces)
         if narrower and set(trial.rung.model.effects) >= mine - narrower | {trial.key}:
             found[trial.key] = trial.rung.result
     return found

@@ -251,19 +251,6 @@ def within_reach(model: Model, bench: Bench, weighting: Weighting, most: float) 
     return False
 
 
-def vanished(model: Model, key: str) -> bool:
-    """Whether a fit has taken an effect of one sign to nothing, or all that it widens.
-
-    A rise of the friction near standstill without any friction that it rises over is no Stribeck
-    friction.
-    """
-    card = effect(key).card
-    own = {a.name: model.parameters[f'{key}.{a.name}'] for a in card.amplitudes if a.positive}
-    none = {name for name, p in own.items() if p.value <= 1e-9 * p.upper}
-    widened = [{mine for mine, _ in pairs} for pairs in card.generalises.values()]
-    return any(names and names <= none for names in [set(own), *widened])
-
-
 def certainty(rung: Rung, key: str) -> float:
     """Return the largest squared ratio of an effect's amplitude to its standard error.
 

@@ -28,6 +28,7 @@ from motor_sysid.diagnosis.search.gates import (
     WORN,
 )
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes
+from motor_sysid.diagnosis.search.sense import MOMENTS_APART
 from motor_sysid.estimation.batch import Linearization, Weighting
 from motor_sysid.estimation.batch.weighting import coloured
 from motor_sysid.physics.effect import Effect
@@ -41,9 +42,6 @@ SURELY_MORE = 1.04
 JUST = 0.1
 """Share of what is above noise that may be left, or taken beyond it, where that is less: what a
 noise model has not right, no law takes away just so."""
-
-MOMENTS_APART = 100
-"""Moments of a record that can be told apart: what matters lasts a hundredth of it."""
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,26 @@
+"""Whether the last effect that was added may as well be left out, once all is fitted exactly."""
+
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gates import (
+    combined_error,
+    MIN_FURTHER_GAIN_PERCENT,
+    why_idle,
+)
+from motor_sysid.diagnosis.search.integration_steps import exact
+from motor_sysid.diagnosis.search.rung import Rung
+
+
+def why_needless(rung: Rung, before: Rung, bench: Bench) -> str:
+    """Return why the last effect of an exact fit may as well be left out, or nothing.
+
+    What lowers the error by little may but make up for blunt signs and coarse steps of the fit
+    `before` it, which then is made as exact.  Nothing is said where that has other effects, too.
+    """
+    if not set(before.model.effects) < set(rung.model.effects):
+        return ''
+    key, duration = rung.model.effects[-1], bench.scales.duration
+    why = why_idle(rung, before, key, duration)
+    gain = 100 * (1 - combined_error(rung.held, before.held))
+    if why or not before.model.effects or gain > MIN_FURTHER_GAIN_PERCENT:
+        return why
+    return why_idle(rung, exact(before, bench)[0], key, duration)
