@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
+import numpy as np
+
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
@@ -65,6 +67,9 @@ def fit_rivals(
 ) -> tuple[Model, ...]:
     """Fit every rival to the records: the model, with the rival's effects in place of the others'.
 
+    An amplitude of which the records tell nothing, as a friction of a direction in which nothing
+    turned, is nothing: wherever the fit left it, an experiment would be promised to tell it.
+
     Raises
     ------
     UserError
@@ -78,11 +83,21 @@ def fit_rivals(
     fitted = []
     for one in sets:
         tell(f'fitting the rival {" + ".join(one) or "without an effect more"}')
-        fitted.append(fit_model(records, model=slim, effects=one).model)
+        fitted.append(_without_the_untold(fit_model(records, model=slim, effects=one).model, one))
         for key in one:
             if key not in fitted[-1].effects:
                 raise UserError(_why_not(key, one))
     return tuple(fitted)
+
+
+def _without_the_untold(model: Model, keys: Sequence[str]) -> Model:
+    """Return a fitted model in which what no record tells of some effects is nothing."""
+    own = [
+        model.parameters[f'{key}.{a.name}']
+        for key in keys if key in model.effects for a in effect(key).card.amplitudes
+    ]  # fmt: skip
+    untold = [p for p in own if p.free and p.sigma is not None and p.sigma > p.upper - p.lower]
+    return model.with_values({p.name: float(np.clip(0.0, p.lower, p.upper)) for p in untold})
 
 
 def _why_not(key: str, others: Sequence[str]) -> str:
