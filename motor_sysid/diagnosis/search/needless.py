@@ -3,7 +3,7 @@
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
-    MIN_FURTHER_GAIN_PERCENT,
+    MIN_WIDER_GAIN_PERCENT,
     why_idle,
 )
 from motor_sysid.diagnosis.search.integration_steps import exact
@@ -21,6 +21,6 @@ def why_needless(rung: Rung, before: Rung, bench: Bench) -> str:
     key, duration = rung.model.effects[-1], bench.scales.duration
     why = why_idle(rung, before, key, duration)
     gain = 100 * (1 - combined_error(rung.held, before.held))
-    if why or not before.model.effects or gain > MIN_FURTHER_GAIN_PERCENT:
+    if why or not before.model.effects or gain > MIN_WIDER_GAIN_PERCENT:
         return why
     return why_idle(rung, exact(before, bench)[0], key, duration)
