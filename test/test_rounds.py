@@ -1,5 +1,6 @@
 """What one round of a diagnosis tries."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -18,7 +19,7 @@ from motor_sysid.diagnosis.search.further import (
     tried_again,
     unpromised,
 )
-from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, UNCERTAIN, UNPHYSICAL
+from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, TOO_LITTLE, UNCERTAIN, UNPHYSICAL
 from motor_sysid.diagnosis.search.rounds import (
     led_back,
     outdone,
@@ -260,6 +261,30 @@ def test_what_widens_an_effect_begins_where_it_was_tried_instead_of_it():
     assert tried_instead(rung, [beside, *tried[2:]]) == {'backlash': beside.rung.result}, (
         'the dead time was dropped since, but where the play was found is still known'
     )
+
+
+@pytest.mark.parametrize(
+    ('substeps', 'passing', 'fine'),
+    [(16, False, ['iron_loss', 'coulomb_friction']), (16, True, []), (4, False, [])],
+)
+def test_where_steps_are_fine_what_coarse_ones_refuse_is_fitted_in_fine_ones(
+    monkeypatch, substeps, passing, fine
+):
+    """What has half of the best one's evidence, and is refused for the held-out error alone."""
+    def trial(key, evidence, note):
+        return SimpleNamespace(key=key, delta_bic=evidence, note=note, passes=not note)
+
+    little = f'{TOO_LITTLE} nothing'
+    trials = [
+        trial('quadratic_drag', 900.0, UNPHYSICAL), trial('iron_loss', 800.0, little),
+        trial('coulomb_friction', 500.0, little), trial('lugre_friction', 400.0, little),
+        trial('gravity_load', 30.0, '' if passing else UNCERTAIN),
+    ]  # fmt: skip
+    monkeypatch.setattr(rounds, 'settled', lambda trial, level, bench: f'{trial.key}, fine')
+    bench = SimpleNamespace(substeps=substeps, threshold=20.0)
+    with ThreadPoolExecutor(2) as pool:
+        found = rounds._in_finer_steps(trials, None, bench, pool)
+    assert found == [f'{t.key}, fine' if t.key in fine else t for t in trials]
 
 
 def test_only_what_gains_enough_after_a_rough_fit_is_fitted_again():
