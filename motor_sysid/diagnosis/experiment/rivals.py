@@ -2,8 +2,6 @@
 
 from collections.abc import Callable, Mapping, Sequence
 
-import numpy as np
-
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
@@ -67,8 +65,9 @@ def fit_rivals(
 ) -> tuple[Model, ...]:
     """Fit every rival to the records: the model, with the rival's effects in place of the others'.
 
-    An amplitude of which the records tell nothing, as a friction of a direction in which nothing
-    turned, is nothing: wherever the fit left it, an experiment would be promised to tell it.
+    An amplitude that the records do not tell, such as a friction in a direction in which nothing
+    turned, is set to nothing: where the fit happened to leave it means nothing, and an experiment
+    must not be promised to tell it from there.
 
     Raises
     ------
@@ -97,7 +96,7 @@ def _without_the_untold(model: Model, keys: Sequence[str]) -> Model:
         for key in keys if key in model.effects for a in effect(key).card.amplitudes
     ]  # fmt: skip
     untold = [p for p in own if p.free and p.sigma is not None and p.sigma > p.upper - p.lower]
-    return model.with_values({p.name: float(np.clip(0.0, p.lower, p.upper)) for p in untold})
+    return model.with_values(model.parameters.inside({p.name: 0.0 for p in untold}))
 
 
 def _why_not(key: str, others: Sequence[str]) -> str:

@@ -16,9 +16,8 @@ from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.delay_profile import delays_of, held_at
 from motor_sysid.diagnosis.search.further import RESTLESS
 from motor_sysid.diagnosis.search.rounds import WORKERS
-from motor_sysid.diagnosis.search.rung import climb, FINER, Rung, SPOILED
+from motor_sysid.diagnosis.search.rung import climb, FINER, leaves_much, Rung, SPOILED
 from motor_sysid.physics.model import Model
-from motor_sysid.signals.noise import noise_sigmas
 
 STRIDE, STRIDES = 0.25, 6
 """Length of a stride in samples, and how many are made each way."""
@@ -30,23 +29,11 @@ def walked(rung: Rung, bench: Bench) -> tuple[Rung, Bench]:
     The fit stays where nothing is lower by more than evidence takes, or where what is does the
     held-out error harm.
     """
-    if not _leaves_something(rung, bench):
+    if not leaves_much(rung, bench, RESTLESS, beside=rung.training.residuals):
         return rung, bench
     for name in delays_of(rung.model):
         rung, bench = _walked(rung, name, bench)
     return rung, bench
-
-
-def _leaves_something(rung: Rung, bench: Bench) -> bool:
-    """Whether the held-out error is more than sensor noise in some output.
-
-    Edges that come too early or too late look like noise, in the held-out or in the training data:
-    the noise is what the quieter of them show.
-    """
-    left = np.concatenate(rung.validation.residuals)
-    seen = (rung.validation.residuals, rung.training.residuals)
-    noise = np.min([noise_sigmas(one, bench.differenced(rung.model)) for one in seen], axis=0)
-    return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > RESTLESS * noise))
 
 
 def _walked(rung: Rung, name: str, bench: Bench) -> tuple[Rung, Bench]:

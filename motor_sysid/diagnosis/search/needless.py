@@ -14,7 +14,8 @@ def why_needless(rung: Rung, before: Rung, bench: Bench) -> str:
     """Return why the last effect of an exact fit may as well be left out, or nothing.
 
     What lowers the error by little may but make up for blunt signs and coarse steps of the fit
-    `before` it, which then is made as exact.  Nothing is said where that has other effects, too.
+    `before` it, which then is made as exact.  Nothing is said where `before` has effects that the
+    last fit lacks: then it is not the same model without one.
     """
     if not set(before.model.effects) < set(rung.model.effects):
         return ''

@@ -173,10 +173,17 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
     return Rung(result, training, free, held, tuple(near), substeps)
 
 
-def leaves_much(rung: Rung, bench: Bench, times: float = LOST) -> bool:
-    """Whether the held-out error of a model is so many times the noise in some channel."""
+def leaves_much(
+    rung: Rung, bench: Bench, times: float = LOST, *, beside: Sequence[Array] = ()
+) -> bool:
+    """Whether the held-out error of a model is so many times the noise in some channel.
+
+    The noise is what the held-out residuals show, or those `beside` them, if these show less: late
+    edges look like noise.
+    """
     left = np.concatenate(rung.held.residuals)
-    noise = noise_sigmas(rung.held.residuals, bench.differenced(rung.model))
+    seen = [parts for parts in (rung.held.residuals, beside) if parts]
+    noise = np.min([noise_sigmas(parts, bench.differenced(rung.model)) for parts in seen], axis=0)
     return bool(np.any(np.sqrt(np.mean(left**2, axis=0)) > times * noise))
 
 
