@@ -11,10 +11,12 @@ from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT, TOP_ORDER
 from motor_sysid.diagnosis.candidates.proposals import ORDERS
+from motor_sysid.diagnosis.candidates.turns import add_energy, add_waves, by_length, FADED
 from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.estimation.batch import make_chain, observed_outputs, Problem
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.laws import step_share
 from motor_sysid.physics.model import Model, SpeedSensor
 
 DT = 1e-3
@@ -126,3 +128,25 @@ def test_the_best_frequency_is_that_of_the_load(frequency):
 def test_a_load_that_wanders_is_no_line():
     """None of 40 such loads made one when the limit was chosen."""
     assert matched(random=1e-3).frequencies('torque') == ()
+
+
+@pytest.mark.parametrize('most', [3e-3, 0.03, 0.4])
+def test_sums_over_a_turn_are_those_of_every_sample(most):
+    """Correlations to rounding, energies to a per cent, slow and fast, with a rest of a block."""
+    rng = np.random.default_rng(5)
+    turn = most * np.sin(np.linspace(0.0, 9.0, 1501)) * rng.uniform(0.5, 1.0, 1501)
+    theta, step, orders = np.cumsum(turn), np.abs(turn), np.arange(TOP_ORDER + 1)
+    pull, carrier = rng.standard_normal((2, turn.size))
+    power = 1.0 / (1.0 + (np.arange(1025) / 40.0) ** 2)
+    covered = np.outer(step, orders)
+    share = np.where(covered <= FADED, step_share(covered), 0.0)
+    total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
+
+    add_waves(theta, step, pull, total)
+    add_energy(*by_length(step, carrier**2), power, energy)
+
+    there = np.interp(covered * 1024 / np.pi, np.arange(1025), power)
+    right = np.sum(0.5 * share**2 * carrier[:, np.newaxis] ** 2 * there, axis=0)
+    wave = np.sum(share * pull[:, np.newaxis] * np.exp(1j * np.outer(theta, orders)), axis=0)
+    assert np.abs(total - wave)[1:] == pytest.approx(0.0, abs=1e-8)
+    assert energy[1:] == pytest.approx(right[1:], rel=0.01)

@@ -1,6 +1,5 @@
 """What one round of a diagnosis tries."""
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
@@ -282,8 +281,7 @@ def test_where_steps_are_fine_what_coarse_ones_refuse_is_fitted_in_fine_ones(
     ]  # fmt: skip
     monkeypatch.setattr(rounds, 'settled', lambda trial, level, bench: f'{trial.key}, fine')
     bench = SimpleNamespace(substeps=substeps, threshold=20.0)
-    with ThreadPoolExecutor(2) as pool:
-        found = rounds._in_finer_steps(trials, None, bench, pool)
+    found = rounds._in_finer_steps(trials, None, bench)
     assert found == [f'{t.key}, fine' if t.key in fine else t for t in trials]
 
 

@@ -68,6 +68,7 @@ from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
+from motor_sysid.threads import in_threads
 
 Progress = Callable[[str], None]
 Rivals = dict[str, tuple[str, ...]]
@@ -256,10 +257,8 @@ class Engine:
     ) -> list[Trial]:
         """Refit the best candidates on a fitted model; see `round`."""
         earlier = tried_instead(rung, (t for trials in self.tried.values() for t in trials))
-        return refitted(
-            scores, rung, self.bench, self.settings.refits, self.tell, base, earlier,
-            thorough=thorough,
-        )  # fmt: skip
+        limit, tell = self.settings.refits, self.tell
+        return refitted(scores, rung, self.bench, limit, tell, base, earlier, thorough=thorough)
 
     def seen_by(self, rung: Rung) -> tuple[Rung, Scores]:
         """Score every candidate on a fit with another speed sensor."""
@@ -369,10 +368,11 @@ class Engine:
             ladder = [(unbiased(final, self.bench), ladder[0][1])]
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
-        steps = tuple(
-            step_of(rung, sorted(trials, key=lambda t: t.key not in added), rivals, self.bench)
+        stages = [
+            (rung, sorted(trials, key=lambda t: t.key not in added))
             for (rung, trials), added in zip(ladder, after, strict=True)
-        )
+        ]
+        steps = tuple(in_threads(lambda stage: step_of(*stage, rivals, self.bench), stages))
         shown = steps if named else steps[:1]
         found = Diagnosis(
             verdict=verdict,

@@ -14,29 +14,24 @@ little blunter, not wrong, for what stands out is simulated with the whole model
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import fftconvolve
 
 from motor_sysid.diagnosis.candidates.columns import Path, paths_of, scored_paths
 from motor_sysid.diagnosis.candidates.reference_rhythm import LOBE, REACH
+from motor_sysid.diagnosis.candidates.turns import add_energy, add_waves, by_length
 from motor_sysid.diagnosis.where.equation_errors import surroundings
 from motor_sysid.estimation.batch import coloured, Linearization, Problem, white
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import arguments, Effect
-from motor_sysid.physics.laws import step_share
 from motor_sysid.physics.rollout import Program
 
 Array = NDArray[np.float64]
 
 TOP_ORDER = 400
 """Most waves per turn that are looked for."""
-
-FADED = 10.0
-"""Angle of a wave, rad, that a step covers, from which on the wave tells nothing: its share of a
-step is a thousandth."""
 
 HIGHEST = 0.4
 """Highest frequency that is looked for, in units of the sampling rate."""
@@ -165,13 +160,15 @@ class Matched:
             path = stretch.path
             if 'theta' not in path or (by and by not in path):
                 return energy
+            if not np.all(np.isfinite(path['theta'])):  # the model has run away
+                return np.zeros(TOP_ORDER + 1)
             turned += float(np.ptp(path['theta']))
             carriers = np.stack([self._carrier(one, force, path) for force in self._forces])
             carriers = carriers * path[by] if by else carriers
-            _add_waves(
-                path['theta'], path['turn'], carriers * stretch.pull, carriers**2, self._power,
-                total, energy,
-            )  # fmt: skip
+            step = np.abs(path['turn'])
+            add_waves(path['theta'], step, np.sum(carriers * stretch.pull, axis=0), total)
+            for carrier, power in zip(carriers, self._power, strict=True):
+                add_energy(*by_length(step, carrier**2), power, energy)
         if turned < _LEAST_TURN:
             return np.zeros(TOP_ORDER + 1)
         gains: Array = np.abs(total) ** 2 / np.maximum(energy, 1e-300)
@@ -300,39 +297,6 @@ def _back(error: Array, weighting: Weighting, pulses: Array) -> Array:
     return pull
 
 
-@njit(cache=True, nogil=True)
-def _add_waves(theta, turn, pull, square, power, total, energy):  # type: ignore[no-untyped-def]
-    """Add what one stretch tells of every order.
-
-    Parameters
-    ----------
-    theta, turn:
-        (N,) rotor angle, and how far it turns in a step, rad.
-    pull, square:
-        (m, N) correlation with a pulse times the carrier of each force; the carrier squared.
-    power:
-        (m, B) energy of the whitened outputs per energy of a sine, from zero to half the rate.
-    total, energy:
-        (top + 1,) sums to add to: correlation with cosine and sine, and energy of either.
-    """
-    forces, bins = power.shape[0], power.shape[1] - 1
-    for t in range(theta.size):
-        first = complex(np.cos(theta[t]), np.sin(theta[t]))
-        wave, step = 1.0 + 0.0j, abs(turn[t])
-        for n in range(1, total.size):
-            if n * step > FADED:
-                break
-            wave *= first
-            share = step_share(n * step)
-            at = min(int(n * step * bins / np.pi), bins)
-            force, size = 0.0, 0.0
-            for j in range(forces):
-                force += pull[j, t]
-                size += square[j, t] * power[j, at]
-            total[n] += share * force * wave
-            energy[n] += 0.5 * share * share * size
-
-
 def _peaks(gains: Array) -> NDArray[np.bool_]:
     """Return which entries are no smaller than their neighbours, and not zero."""
     padded = np.concatenate(([0.0], gains, [0.0]))
@@ -349,8 +313,10 @@ def _highest(gains: Array, lowest: int, contrast: float) -> tuple[int, ...]:
 
 def _is_line(gains: Array, k: int, width: float) -> bool:
     """Whether (M,) gains stand out at one place; places are `width` apart, in lines."""
-    away = width * np.abs(np.arange(gains.size) - k)
-    near = gains[(away > LOBE) & (away < REACH) & (gains > 0.0)]
+    first = max(k - int(REACH / width), 0)
+    around = gains[first : k + int(REACH / width) + 1]
+    away = width * np.abs(np.arange(first, first + around.size) - k)
+    near = around[(away > LOBE) & (away < REACH) & (around > 0.0)]
     return bool(near.size == 0 or gains[k] > CLEAR * np.median(near))
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from itertools import product
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,6 +29,7 @@ from motor_sysid.physics.scales import Scales, scales_of
 from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.record import Record
+from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -198,18 +200,14 @@ def base_fit(
     starts = [begun]
     if nominal:
         starts.append(_inside(kind, {**begun, **nominal}))
-    best: FitResult | None = None
-    for sensor in _sensors(records, outputs):
-        for values in starts:
-            model = Model.base(
-                kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear
-            )
-            model = with_rotor_held(model) if resting else model
-            tried = fit_multistart(Problem(model, chains, outputs))
-            if best is None or misfit(tried) < misfit(best):
-                best = tried
-    assert best is not None
-    return best
+
+    def fitted(start: tuple[SpeedSensor, Mapping[str, float]]) -> FitResult:
+        sensor, values = start
+        model = Model.base(kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear)
+        model = with_rotor_held(model) if resting else model
+        return fit_multistart(Problem(model, chains, outputs))
+
+    return min(in_threads(fitted, product(_sensors(records, outputs), starts)), key=misfit)
 
 
 def make_bench(

@@ -7,7 +7,6 @@ the valley has pits, and derivatives lead into the next one.  What is left in it
 missing effect.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -15,9 +14,9 @@ import numpy as np
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.delay_profile import delays_of, held_at
 from motor_sysid.diagnosis.search.further import RESTLESS
-from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import climb, FINER, leaves_much, Rung, SPOILED
 from motor_sysid.physics.model import Model
+from motor_sysid.threads import in_threads
 
 STRIDE, STRIDES = 0.25, 6
 """Length of a stride in samples, and how many are made each way."""
@@ -49,8 +48,7 @@ def _walked(rung: Rung, name: str, bench: Bench) -> tuple[Rung, Bench]:
             model = found[-1][0]
         return found
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        seen = [one for way in pool.map(one_way, (-1, 1)) for one in way]
+    seen = [one for way in in_threads(one_way, (-1, 1)) for one in way]
     there, least = min(seen, key=lambda one: one[1])
     here = held_at(rung.model, name, p.value, finer, weighting)[1]
     if not least < here - bench.threshold:

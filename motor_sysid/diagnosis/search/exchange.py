@@ -4,7 +4,6 @@ Effects are added one by one; what explained most alone need not be part of the 
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.candidates.score import Scores
@@ -27,12 +26,12 @@ from motor_sysid.diagnosis.search.refit import (
     try_effect,
     try_pair,
 )
-from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, SPOILED
 from motor_sysid.diagnosis.search.sense import is_impossible, senseless
 from motor_sysid.diagnosis.search.trial import Level, ONLY_NOISE, Trial
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.threads import in_threads
 
 ALTERNATIVE = 0.8
 """Share of an effect's gain that another one must promise to be tried in its place."""
@@ -262,24 +261,21 @@ class Exchange:
             for pair in scores.pairs
             if pair[0].gain > ALTERNATIVE * gain and not any(one.variant.inherits for one in pair)
         ]
-        with ThreadPoolExecutor(WORKERS) as pool:
-            rough = pool.map(lambda pair: try_pair(pair, level, self.bench), worth)
-            tried = [(*fitted, pair) for fitted, pair in zip(rough, worth, strict=True)]
-            near = max(PROMISING * max((one[1] for one in tried), default=0.0), gain)
-            fits = pool.map(
-                lambda one: (*settled_pair(one[0], level, self.bench), one[2]),
-                [one for one in tried if one[1] > near],
+        rough = in_threads(lambda pair: try_pair(pair, level, self.bench), worth)
+        tried = [(*fitted, pair) for fitted, pair in zip(rough, worth, strict=True)]
+        near = max(PROMISING * max((one[1] for one in tried), default=0.0), gain)
+        fits = in_threads(
+            lambda one: (*settled_pair(one[0], level, self.bench), one[2]),
+            [one for one in tried if one[1] > near],
+        )
+        duration = self.bench.scales.duration
+        tried = [
+            one
+            for one in fits
+            if not any(
+                is_impossible(one[0].model, part.variant.effect.key, duration) for part in one[2]
             )
-            tried = [
-                one
-                for one in fits
-                if not any(
-                    is_impossible(
-                        one[0].model, part.variant.effect.key, self.bench.scales.duration
-                    )
-                    for part in one[2]
-                )
-            ]
+        ]
         tried.sort(key=lambda one: -one[1])
         if not tried or not tried[0][1] > gain + max(RIVAL_BIC, RIVAL_SHARE * gain):
             return None

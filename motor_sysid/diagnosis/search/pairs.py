@@ -7,18 +7,17 @@ other a way out of a valley, and goes again.
 """
 
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
 
 from motor_sysid.diagnosis.candidates.score import Scored, Scores
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import is_told
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
-from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.sense import is_nonsense
 from motor_sysid.diagnosis.search.step_ahead import stands
 from motor_sysid.diagnosis.search.trial import judged, Level, Trial
+from motor_sysid.threads import in_threads
 
 TWO = 2
 """Effects that are added at once."""
@@ -53,8 +52,7 @@ def best_twosome(
             return rough, gain, pair
         return (*settled_pair(rough, level, bench), pair)
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        fits = list(pool.map(fitted, scores.pairs))
+    fits = in_threads(fitted, scores.pairs)
     rung, gain, pair = max(fits, key=lambda one: one[1], default=(base, 0.0, ()))
     if gain < bench.threshold or not stands(rung, base, (level.cost - gain) / level.rows):
         return None

@@ -5,7 +5,6 @@ everywhere, some per cent apart.  The one that a fit happens to end in says litt
 several is mostly near the truth, and how far they are apart tells how well the data tell it.
 """
 
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -13,11 +12,11 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.refit import rough_fit, ROUGH_STEPS
-from motor_sysid.diagnosis.search.rounds import WORKERS
 from motor_sysid.diagnosis.search.rung import climb, FINER, Rung, SPOILED
 from motor_sysid.estimation.batch import FitResult, misfit
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -48,8 +47,7 @@ def deepest(rung: Rung, bench: Bench) -> tuple[Rung, Array]:
     def fitted(model: Model) -> FitResult:
         return rough_fit(model, weighting, finer, ROUGH_STEPS, reweight=0)
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        fits = list(pool.map(fitted, [rung.model, *_around(rung.model)]))
+    fits = in_threads(fitted, [rung.model, *_around(rung.model)])
     here, best = fits[0], min(fits, key=misfit)
     kept = sorted(fits, key=misfit)[: round(KEPT * len(fits))]
     spread = np.std([[p.value for p in one.model.parameters.free] for one in kept], axis=0)

@@ -1,7 +1,6 @@
 """One round of a diagnosis: score every candidate on a fitted model, refit the best."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 import math
 
@@ -58,11 +57,9 @@ from motor_sysid.estimation.batch import FitResult, Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.threads import in_threads
 
 Tell = Callable[[str], None]
-
-WORKERS = 2
-"""Refits that may run at the same time; what they find does not depend on it."""
 
 SHARE, BEHIND = 0.9, 100.0
 """A trial keeps its rough fit if its gain in BIC is less than this share of the best one's, and
@@ -166,37 +163,34 @@ def refitted(
             return trial.delta_bic > 0.0 and trial.gain_percent > WORTH_IT
         return trial.delta_bic > 0.0 if winner is None else not related(trial, winner)
 
-    with ThreadPoolExecutor(WORKERS) as pool:
-        trials = list(pool.map(roughly, chosen))
-        if level.cost > ONLY_NOISE * level.rows:
-            trials += pool.map(roughly, unpromised(scores, trials))
-        if thorough and not helps(trials) and is_lost(rung, bench, base, RESTLESS):
-            lost = is_lost(rung, bench, base)
-            count = (limit if base else None) if lost else 0
-            more = further_starts(rung, bench, scores, trials, count)
-            tell(f'nothing helps: trying {len(more) or "no"} effects more')
-            trials += pool.map(roughly, more)
-            if lost:
-                trials = tried_again(trials, chosen + more, again, worth)
-        trials = _beside_the_best(trials, level, bench, pool)
-        trials = _in_finer_steps(_special_cases_settled(trials, level, bench), level, bench, pool)
-        most = max((trial.delta_bic for trial in trials), default=0.0)
-        passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
-        winner = winner_of(passing) if passing else None
-        tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
-        trials = list(pool.map(finally_, trials))
+    trials = in_threads(roughly, chosen)
+    if level.cost > ONLY_NOISE * level.rows:
+        trials += in_threads(roughly, unpromised(scores, trials))
+    if thorough and not helps(trials) and is_lost(rung, bench, base, RESTLESS):
+        lost = is_lost(rung, bench, base)
+        count = (limit if base else None) if lost else 0
+        more = further_starts(rung, bench, scores, trials, count)
+        tell(f'nothing helps: trying {len(more) or "no"} effects more')
+        trials += in_threads(roughly, more)
+        if lost:
+            trials = tried_again(trials, chosen + more, again, worth)
+    trials = _beside_the_best(trials, level, bench)
+    trials = _in_finer_steps(_special_cases_settled(trials, level, bench), level, bench)
+    most = max((trial.delta_bic for trial in trials), default=0.0)
+    passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
+    winner = winner_of(passing) if passing else None
+    tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
+    trials = in_threads(finally_, trials)
     return sorted(trials, key=lambda t: (not t.passes, -t.delta_bic))
 
 
-def _beside_the_best(
-    trials: Sequence[Trial], level: Level, bench: Bench, pool: ThreadPoolExecutor
-) -> list[Trial]:
+def _beside_the_best(trials: Sequence[Trial], level: Level, bench: Bench) -> list[Trial]:
     """Return the trials, those of the kind of the best one begun again where that ended."""
     best = max((t for t in trials if t.passes), key=lambda t: t.delta_bic, default=None)
     if best is None or best.rung is level.rung:
         return list(trials)
     others = [t for t in trials if of_a_kind(t, best) and not related(t, best)]
-    again = pool.map(lambda t: try_beside(t, best, level, bench), others)
+    again = in_threads(lambda t: try_beside(t, best, level, bench), others)
     mended = dict(zip((t.key for t in others), again, strict=True))
     return [mended.get(t.key, t) for t in trials]
 
@@ -219,9 +213,7 @@ def _special_cases_settled(
     ]  # fmt: skip
 
 
-def _in_finer_steps(
-    trials: Sequence[Trial], level: Level, bench: Bench, pool: ThreadPoolExecutor
-) -> list[Trial]:
+def _in_finer_steps(trials: Sequence[Trial], level: Level, bench: Bench) -> list[Trial]:
     """Return the trials; if none passes in coarse steps, those with evidence fitted in fine ones.
 
     A rough fit takes at most `FINER` steps a sample.  Where the model needs more, it makes up for
@@ -232,7 +224,7 @@ def _in_finer_steps(
     most = max((trial.delta_bic for trial in trials), default=0.0)
     least = max(bench.threshold, SPECIAL_SHARE * most)
     harmed = [t for t in trials if t.delta_bic > least and t.note.startswith(TOO_LITTLE)]
-    fine = pool.map(lambda trial: settled(trial, level, bench), harmed)
+    fine = in_threads(lambda trial: settled(trial, level, bench), harmed)
     mended = dict(zip((trial.key for trial in harmed), fine, strict=True))
     return [mended.get(trial.key, trial) for trial in trials]
 

@@ -14,6 +14,7 @@ held-out data ask for other values of its parameters.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -29,6 +30,7 @@ from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
 from motor_sysid.signals.noise import noise_sigmas
+from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 Samples = tuple[Array, Array]
@@ -342,7 +344,8 @@ def _regression(
         bumps = np.concatenate([_bumps(column) for column in moved.T], axis=1)
         wide = np.concatenate((shaped, bumps), axis=1)
         lagged += [bumps[longest::stride]]
-        lagged += [_slowed(wide, tau)[longest::stride] for tau in _TAUS]
+        slow = in_threads(partial(_slowed, np.ascontiguousarray(wide.T)), _TAUS)
+        lagged += [one[:, longest::stride].T for one in slow]
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
         mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
         ends = [longest - k * _TAP_WIDTH for k in range(_TAPS)]
@@ -365,9 +368,9 @@ def _bumps(values: Array) -> Array:
 
 
 def _slowed(values: Array, tau: float) -> Array:
-    """Return (N, f) values behind a first-order lag of `tau` samples, as a rotor would be."""
+    """Return (f, N) values behind a first-order lag of `tau` samples, as a rotor would be."""
     keep = np.exp(-1.0 / tau)
-    slow: Array = lfilter([1 - keep], [1, -keep], values, axis=0, zi=keep * values[:1])[0]
+    slow: Array = lfilter([1 - keep], [1, -keep], values, zi=keep * values[:, :1])[0]
     return slow
 
 
