@@ -220,7 +220,14 @@ def test_what_was_named_is_given_up_for_more_only_or_for_the_same_and_nothing_un
     assert '5 times as large' in better.reasons[1]
     assert better.reasons[2:] == ('evidence',)
     assert better_with_half_lent(found, named).lent
+    *before, last = named.steps
+    half = replace(last, validation_error_percent=0.4 * last.validation_error_percent)
+    instead = replace(named, effects=('quadratic_drag',), steps=(*before, half))
+    assert better_with_half_lent(found, instead).effects == ('quadratic_drag',)
     others = (
+        replace(instead, unknown=LEFT),
+        replace(instead, steps=named.steps),
+        replace(instead, effects=('coulomb_friction', 'quadratic_drag', 'gravity_load')),
         replace(named, unknown=LEFT),
         replace(named, effects=('coulomb_friction', 'quadratic_drag')),
         replace(named, effects=(), verdict=Verdict.UNKNOWN_EFFECT),

@@ -24,6 +24,10 @@ DROWNED = 2.0
 """Held-out error, in units of the training error, that drowns what such an effect brings."""
 
 
+LEAVES_HALF = 0.5
+"""Held-out error that other effects must leave, in units of what those leave that were named."""
+
+
 def shows_only_there(found: Diagnosis) -> bool:
     """Whether something unknown is left, named or not, that only the held-out data show."""
     pairs = zip(found.records, found.roles, strict=True)
@@ -64,11 +68,15 @@ def _training_noise(found: Diagnosis) -> float:
 def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:
     """Return what was found `again` with half of the held-out data lent, if that is better.
 
-    It names more, or the same with nothing unknown beside it, and says how it was found after the
-    verdict.
+    It names more, or the same with nothing unknown beside it, or other effects, no more of them,
+    that leave nothing unknown and half of the error at most; and it says how it was found after
+    the verdict.
     """
     known, named = set(found.effects), set(again.effects)
-    if not (known < named or (known == named and named and not again.unknown)):
+    errors = [one.steps[-1].validation_error_percent for one in (found, again)]
+    instead = len(named) <= len(known) and errors[1] < LEAVES_HALF * errors[0]
+    whole = bool(named) and not again.unknown and (known == named or instead)
+    if not (known < named or whole):
         return found
     times = max(found.held_alone, drowned(found))
     what = 'all of it' if known or times > found.held_alone else 'it'
