@@ -1,6 +1,6 @@
 """From records to a base model: which motor kind, which outputs, which sensors, how far ahead."""
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import product
 
@@ -87,6 +87,9 @@ class Bench:
         Gain in BIC that evidence must have.
     notes:
         What is to be said of the data, whatever is found.
+    runs:
+        Chains and residuals of models that were run over them in the finest steps, which take
+        long; every bench that is made of this one shares them.
     """
 
     kind: Motor
@@ -108,6 +111,9 @@ class Bench:
     wrong: float = 0.0
     threshold: float = UNCALIBRATED
     notes: tuple[str, ...] = ()
+    runs: dict[Hashable, tuple[tuple[Chain, ...], Sequence[Array]]] = field(
+        default_factory=dict, compare=False, repr=False
+    )
 
     def problem(self, model: Model) -> Problem:
         """Return the problem of fitting a model to the training data."""
