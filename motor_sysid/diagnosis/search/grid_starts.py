@@ -20,7 +20,6 @@ from motor_sysid.estimation.batch import Problem, thinned, white
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.rollout import Program
 from motor_sysid.physics.scales import Scales
-from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 Values = dict[str, float]
@@ -106,13 +105,10 @@ def _runs(
     """
     pace = f'{variant.effect.key}.{variant.effect.card.pace}'
     order = sorted(range(len(points)), key=lambda k: points[k].get(pace, 0.0))
-    groups = [list(group) for _, group in groupby(order, lambda k: points[k].get(pace, 0.0))]
-
-    def outputs(group: Sequence[int]) -> list[Array]:
+    found = []
+    for _, group in groupby(order, key=lambda k: points[k].get(pace, 0.0)):
         lanes = [{**variant.model.parameters.values(), **points[k]} for k in group]
         table = {name: np.array([lane[name] for lane in lanes]) for name in program.names}
-        return run_lanes(program, variant.model, problem, table)
-
-    found = in_threads(outputs, reversed(groups))[::-1]  # the fastest take longest
+        found.append(run_lanes(program, variant.model, problem, table))
     back = np.argsort(order)
     return [np.concatenate(parts, axis=2)[:, :, back] for parts in zip(*found, strict=True)]

@@ -34,7 +34,6 @@ from motor_sysid.estimation.batch import (
 from motor_sysid.estimation.batch.least_squares import normal_equations, result_at, Solution
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
-from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -120,7 +119,7 @@ def try_roughly(
         first = rough_fit(model, rung.result.weighting, race, FIRST_STEPS, reweight=0)
         return one, model, first
 
-    here = min(in_threads(lambda start: begun(*start), tried), key=lambda fit: misfit(fit[2]))
+    here = min((begun(one, model) for one, model in tried), key=lambda fit: misfit(fit[2]))
     one, model, _ = here
     others = bench.other_sensors(model)
     beside = [begun(one, model.with_speed_sensor(sensor)) for sensor in others]
