@@ -163,3 +163,29 @@ def test_a_step_teaches_the_curvature_along_it():
         assert known @ step == pytest.approx(bowl @ step)
     assert known == pytest.approx(bowl)
     assert _secant(known, np.array([1.0, 0.0]), np.array([-1.0, 0.0])) is known
+
+
+def test_a_model_is_run_once_in_the_finest_steps_and_a_few_runs_are_kept(monkeypatch):
+    ran = []
+
+    def compare(model, chains, outputs, *, substeps):
+        ran.append((model.parameters.values()['R'], chains, substeps))
+        return SimpleNamespace(residuals=[np.full((2, 1), len(ran))])
+
+    def model(value):
+        return SimpleNamespace(
+            speed_sensor='ideal', parameters=SimpleNamespace(values=lambda: {'R': value})
+        )
+
+    monkeypatch.setattr(steps, 'compare', compare)
+    bench = SimpleNamespace(train=('a',), outputs=('current',), substeps=1, runs={})
+    other = SimpleNamespace(**{**vars(bench), 'train': ('b',)})
+    first = steps._residuals(model(1.0), bench, steps.FINEST)
+    assert steps._residuals(model(1.0), bench, steps.FINEST) is first
+    for value, where, count in ((2.0, bench, steps.FINEST), (1.0, other, steps.FINEST),
+                                (1.0, bench, 2 * steps.FINEST), (1.0, bench, 1)):  # fmt: skip
+        assert steps._residuals(model(value), where, count) is not first
+    assert len(ran) == 5
+    for value in range(2 * steps.KEPT_RUNS):
+        steps._residuals(model(float(value)), bench, steps.FINEST)
+    assert len(bench.runs) == steps.KEPT_RUNS

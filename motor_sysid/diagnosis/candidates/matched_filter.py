@@ -159,7 +159,7 @@ class Matched:
         for stretch in self._stretches:
             path = stretch.path
             if 'theta' not in path or (by and by not in path):
-                return energy
+                return np.zeros(TOP_ORDER + 1)
             if not np.all(np.isfinite(path['theta'])):  # the model has run away
                 return np.zeros(TOP_ORDER + 1)
             turned += float(np.ptp(path['theta']))

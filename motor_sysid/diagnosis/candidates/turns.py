@@ -18,7 +18,7 @@ FADED = 10.0
 step is a thousandth."""
 
 _LENGTHS = 4096
-"""Lengths of a step that are told apart: energies are right to half a per cent."""
+"""Lengths of a step that are told apart: most energies are right to half a per cent."""
 
 
 @njit(cache=True, nogil=True, error_model='numpy', fastmath={'reassoc', 'contract'})
@@ -58,7 +58,12 @@ def add_waves(theta, step, pull, total):  # type: ignore[no-untyped-def]
 
 
 def by_length(step: Array, square: Array) -> tuple[Array, Array]:
-    """Sum (N,) squared carriers over steps of nearly one length; return lengths and sums (K,)."""
+    """Sum (N,) squared carriers over steps (rad) of nearly one length.
+
+    Returns
+    -------
+    (K,) lengths in rad, and sums.
+    """
     place = np.minimum(step * (_LENGTHS / max(float(np.max(step)), 1e-300)), _LENGTHS - 1)
     place = place.astype(np.int64)
     size, length = (

@@ -88,8 +88,8 @@ class Bench:
     notes:
         What is to be said of the data, whatever is found.
     runs:
-        Chains and residuals of models that were run over them in the finest steps, which take
-        long; every bench that is made of this one shares them.
+        Chains and residuals of the last models that were run over them in the finest steps, which
+        take long; every bench that is made of this one shares them.
     """
 
     kind: Motor

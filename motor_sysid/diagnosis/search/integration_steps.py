@@ -72,6 +72,9 @@ NEARER = 0.5
 """Error of finer steps, in units of that of coarser ones, from which on they are not worth it: it
 falls with the square of their length where nothing strikes."""
 
+KEPT_RUNS = 8
+"""Runs in the finest steps that are kept: a long record makes large ones."""
+
 BLUNT = 0.02
 """Error of blunt signs, as a share of what is left, that is not worth sharper ones."""
 
@@ -356,6 +359,8 @@ def _residuals(model: Model, bench: Bench, steps: int = 0) -> Sequence[Array]:
         found = compare(model, bench.train, bench.outputs, substeps=steps).residuals
         if steps < FINEST:
             return found
+        for oldest in list(bench.runs)[: 1 - KEPT_RUNS]:
+            del bench.runs[oldest]
         bench.runs[place] = bench.train, found
     return bench.runs[place][1]
 
