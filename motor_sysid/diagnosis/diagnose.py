@@ -29,6 +29,7 @@ from motor_sysid.physics.model import Model
 from motor_sysid.signals.doctor import examine
 from motor_sysid.signals.finding import Severity
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.strays import told_strays
 
 _REACHING = ('speed', 'current', 'current_q', 'voltage', 'voltage_q', 'torque', 'force')
 
@@ -82,7 +83,8 @@ def diagnose(
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
-    notes = remarks(kind, [*records, *held], model.motor if model else motor)
+    notes = told_strays([*train, *validation])
+    notes += remarks(kind, [*records, *held], model.motor if model else motor)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     tell(f'fitting a linear {kind.title}')
     if model is None:

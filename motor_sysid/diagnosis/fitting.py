@@ -36,6 +36,7 @@ from motor_sysid.estimation.batch.sisters import SPREAD
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.strays import told_strays
 
 
 def fit_model(
@@ -162,7 +163,9 @@ def bench_of(
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
-    bench = replace(bench, notes=remarks(kind, [*records, *held], model.motor if model else motor))
+    notes = told_strays([*train, *validation])
+    notes += remarks(kind, [*records, *held], model.motor if model else motor)
+    bench = replace(bench, notes=notes)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
     return with_scales(bench, model), model

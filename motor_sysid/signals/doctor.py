@@ -10,6 +10,7 @@ from motor_sysid.signals.checks import (
     jumps,
     phases,
     plausibility,
+    strays,
     timing,
     values,
 )
@@ -38,7 +39,10 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
         raise UserError('there is no record to examine')
     findings = [*values.check(every)]
     if not any(finding.code == 'non_finite' for finding in findings):
-        for check in (encoder.check, excitation.check, dynamics.check, phases.check, jumps.check):
+        for check in (
+            encoder.check, excitation.check, dynamics.check, phases.check, jumps.check,
+            strays.check,
+        ):  # fmt: skip
             findings += check(every)
         findings += plausibility.check(every, k_e)
     findings += timing.check(every)

@@ -29,6 +29,7 @@ from motor_sysid.physics.scales import Scales, scales_of
 from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.strays import without_strays
 from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
@@ -139,11 +140,11 @@ class Bench:
 def prepared(
     records: Sequence[Record], wanted: str | None, known: Mapping[str, float]
 ) -> list[Record]:
-    """Return uniform records, with what the motor needs and other signals tell.
+    """Return uniform records without stray samples, with what the motor needs and others tell.
 
     That is a position from Hall sectors, or speed and acceleration from the position.
     """
-    even = [record.uniform() for record in records]
+    even = [without_strays(record).uniform() for record in records]
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):

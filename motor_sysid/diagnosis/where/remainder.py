@@ -25,7 +25,7 @@ from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.drift import DRIFT, drift_of
 from motor_sysid.diagnosis.where.oscillation import Swing, swing_of
 from motor_sysid.diagnosis.where.other_values import MOVED, OtherValues
-from motor_sysid.diagnosis.where.uneven_records import UNEVEN, unevenness_of
+from motor_sysid.diagnosis.where.uneven_records import but_for_few, UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
@@ -95,7 +95,7 @@ class Remainder:
     error_percent:
         The error that remains on held-out data, free-running.
     over_floor:
-        Largest ratio of an output's error to its noise.
+        Largest ratio of an output's error, but for a few samples, to its noise.
     predictable:
         Share of the squared error of an output that the simulated motion predicts: the squared
         correlation with a cautious prediction on the held-out data, or what regressions on eleven
@@ -217,14 +217,14 @@ def examine_remainder(
     seen = (validation.measured, validation.residuals, training.residuals)
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
-    error = _rms(validation)
+    error, most = _rms(validation), but_for_few(np.concatenate(validation.residuals))
     noise = np.minimum(floor, error)
     data = _regressions(training, held, chains, orders)
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
         float(100 * np.sqrt(np.mean((noise / size) ** 2))),
         validation.error_percent,
-        float(np.max(error / np.maximum(noise, 1e-300))),
+        float(np.max(most / np.maximum(noise, 1e-300))),
         _predictable(*data) if data else 1.0,
         swing_of(training, held, chains),
         unevenness_of(training, held, chains, noise, differenced),

@@ -22,6 +22,10 @@ UNEVEN = 1.5
 """Ratio of the errors of two records from which on the model lacks something; complete models with
 random loads reach 1.2."""
 
+FEW = 1e-3
+"""Share of the samples, those with the largest errors, that counts for nothing: one commutation
+that a model puts into the sample before may weigh as much as ten thousand good samples."""
+
 OF_COUNTS = 0.5
 """Most that the difference of counts may err by, root mean square, in units of its step: that of
 two values in equal parts.  A motion in step with the counts makes less of it, down to nothing."""
@@ -46,10 +50,19 @@ def unevenness_of(
     ratios = [1.0]
     for kind in set(loops):
         own = [r for r, loop in zip(residuals, loops, strict=True) if loop == kind]
-        errors = np.sqrt([np.mean(residual**2, axis=0) for residual in own])
+        errors = np.array([but_for_few(residual) for residual in own])
         best = np.maximum(np.min(errors, axis=0), noise)
         ratios.append(float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300))))
     return max(ratios)
+
+
+def but_for_few(residual: Array) -> Array:
+    """Return (n_y,) root mean squares of (N, n_y) errors, each without its `FEW` largest."""
+    squares, keep = residual**2, len(residual) - int(FEW * len(residual))
+    if keep < len(residual):
+        squares = np.partition(squares, keep - 1, axis=0)[:keep]
+    rms: Array = np.sqrt(np.mean(squares, axis=0))
+    return rms
 
 
 def _of_counts(measured: Sequence[Array], differenced: Sequence[bool]) -> Array:
