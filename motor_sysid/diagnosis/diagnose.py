@@ -76,15 +76,14 @@ def diagnose(
     settings = settings or Settings()
     candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
     tell = progress or (lambda text: None)
-    wanted = model.motor if model else motor
+    asked = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
-    wanted = told_kind([*train, *validation], wanted)
+    wanted = told_kind([*train, *validation], asked)
     records, held = prepared_parts(train, validation, wanted, known)
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
-    notes = told_strays([*train, *validation])
-    notes += remarks(kind, [*records, *held], model.motor if model else motor)
+    notes = told_strays([*train, *validation]) + remarks(kind, [*records, *held], asked)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     tell(f'fitting a linear {kind.title}')
     if model is None:

@@ -156,15 +156,14 @@ def bench_of(
     lent: bool = False,
 ) -> tuple[Bench, Model]:
     """Return the data, prepared, and the model: the given one, or a fitted linear one."""
-    wanted = model.motor if model else motor
+    asked = model.motor if model else motor
     known = model.parameters.values() if model else nominal
-    wanted = told_kind([*train, *validation], wanted)
+    wanted = told_kind([*train, *validation], asked)
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
-    notes = told_strays([*train, *validation])
-    notes += remarks(kind, [*records, *held], model.motor if model else motor)
+    notes = told_strays([*train, *validation]) + remarks(kind, [*records, *held], asked)
     bench = replace(bench, notes=notes)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model

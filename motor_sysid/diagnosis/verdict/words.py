@@ -47,6 +47,11 @@ def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[st
             'What remains above the sensor noise is not predictable from the input, as random '
             'load or drive ripple is.'
         )
+    elif left.in_few:
+        lines.append(
+            'What remains above the sensor noise lies in one sample of a thousand, as a garbled '
+            'message does, or what the drive does between two samples.'
+        )
     if left.floor_percent > LARGE_PERCENT:
         lines.append(
             'That is much for sensors: what swings or strikes within a few samples, as play does, '

@@ -184,6 +184,11 @@ class Remainder:
         """Whether more remains than the sensors make, in the held-out data or in some record."""
         return self.over_floor > ABOVE_FLOOR or self.uneven
 
+    @property
+    def in_few(self) -> bool:
+        """Whether more remains than the sensors make, but for a few samples."""
+        return not self.above_floor and self.error_percent > ABOVE_FLOOR * self.floor_percent
+
 
 def examine_remainder(
     outputs: Sequence[str],
