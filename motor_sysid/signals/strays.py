@@ -29,7 +29,7 @@ LONGEST = 2
 """Samples in a row: one of a position makes two of a speed that is its difference."""
 
 AROUND = 3
-"""Good samples on either side that are compared with."""
+"""Samples on either side that are compared with."""
 
 FEWEST = 100
 """Samples that move at all below which nothing is told."""
@@ -69,25 +69,34 @@ class Strays:
         count, unit = len(self.places), self.record.units[self.name]
         first = self.record.time[self.places[0]]
         if count == 1:
-            return f'1 sample of {self.name} is {self.largest:.4g} {unit} off at {first:.6g} s'
+            return (
+                f'1 sample of {self.name}, at {first:.6g} s, is {self.largest:.4g} {unit} off its '
+                'neighbours'
+            )
         return (
-            f'{count} samples of {self.name} are up to {self.largest:.4g} {unit} off, the first '
-            f'at {first:.6g} s'
+            f'{count} samples of {self.name}, the first at {first:.6g} s, are up to '
+            f'{self.largest:.4g} {unit} off their neighbours'
         )
 
 
 def strays_of(record: Record) -> Iterator[Strays]:
     """Yield the stray samples of each measured signal that has some."""
-    for name in record:
-        if name.split('_')[0] in _WATCHED and 'reference' not in name and 'command' not in name:
-            values = record[name]
-            quiet = _quiet(record) if name.startswith('current') else None
-            places = stray_places(values, quiet)
-            if places.size:
-                good = np.setdiff1d(np.arange(values.size), places)
-                mended = values.copy()
-                mended[places] = np.interp(record.time[places], record.time[good], values[good])
-                yield Strays(record, name, places, mended)
+    for name in filter(_is_watched, record):
+        values = record[name]
+        quiet = _quiet(record) if name.startswith('current') else None
+        places = stray_places(values, quiet)
+        mended = _between(record.time, values, places)
+        ends = _stray_ends(record, name, mended)
+        if ends.size or places.size:
+            mended[ends] = 2 * mended[np.abs(ends - 1)] - mended[np.abs(ends - 2)]
+            yield Strays(record, name, np.union1d(places, ends), mended)
+
+
+def _between(time: Array, values: Array, places: Places) -> Array:
+    """Return the values, those at some places on the line between their neighbours."""
+    good, mended = np.setdiff1d(np.arange(values.size), places), values.copy()
+    mended[places] = np.interp(time[places], time[good], values[good])
+    return mended
 
 
 def without_strays(record: Record) -> Record:
@@ -95,7 +104,7 @@ def without_strays(record: Record) -> Record:
     for found in strays_of(record):
         unit = record.units[found.name]
         record = record.with_signal(found.name, found.mended, unit)
-        note = f'{found}; put between its neighbours'
+        note = f'{found}; put between them'
         record = replace(record, provenance=record.provenance.noting(note))
     return record
 
@@ -103,8 +112,8 @@ def without_strays(record: Record) -> Record:
 def told_strays(records: Sequence[Record]) -> tuple[str, ...]:
     """Say which samples `without_strays` mends."""
     return tuple(
-        f'{record.provenance.source or "a record"}: {found} between neighbours that agree: a '
-        'glitch of the sensor or the bus, which no fit sees'
+        f'{record.provenance.source or "a record"}: {found}: a glitch of the sensor or the bus, '
+        'which no fit sees'
         for record in records
         for found in strays_of(record)
     )
@@ -121,17 +130,17 @@ def stray_places(values: Array, quiet: NDArray[np.bool_] | None = None) -> Place
         (N,) rows that may be stray; by default all.
     """
     rows: list[Places] = []
-    steps = np.abs(np.diff(values))
     off = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
     moving = off[off > 0.0]
     if moving.size < FEWEST or not np.all(np.isfinite(values)):
         return np.empty(0, dtype=np.intp)
     far = FAR * np.quantile(moving, 0.99)
+    steps = np.pad(np.abs(np.diff(values)), AROUND)
     for length in range(1, LONGEST + 1):
-        k = np.arange(AROUND, values.size - length - AROUND + 1)
+        k = np.arange(1, values.size - length)
         before, after = values[k - 1], values[k + length]
-        sides = [steps[k - 1 - j] for j in range(1, AROUND)]
-        sides += [steps[k + length - 1 + j] for j in range(1, AROUND)]
+        sides = [steps[AROUND + k - 1 - j] for j in range(1, AROUND)]
+        sides += [steps[AROUND + k + length - 1 + j] for j in range(1, AROUND)]
         around = np.max([np.abs(after - before), *sides], axis=0)
         inside = [
             np.abs(values[k + j] - before - (after - before) * (j + 1) / (length + 1))
@@ -141,6 +150,39 @@ def stray_places(values: Array, quiet: NDArray[np.bool_] | None = None) -> Place
         rows += [k[lone] + j for j in range(length)]
     found: Places = np.unique(np.concatenate(rows))
     return found if quiet is None else found[quiet[found]]
+
+
+def _stray_ends(record: Record, name: str, values: Array) -> Places:
+    """Return the first and the last row, where they are stray.
+
+    They have a neighbour on one side only.  So the line through the next samples must miss them by
+    far, and the step to or from them must be none that the record's own signals lead to from one
+    sample to the next: a motor at rest may be fast after one long sample.
+    """
+    told = [n for n in record if n == name or role_of(n) is Role.INPUT or _is_watched(n)]
+    columns = [values if n == name else record[n] for n in told]
+    x = np.column_stack([*columns, np.ones(values.size)])[:-1]
+    if values.size < 2 * FEWEST or not np.all(np.isfinite(x)):
+        return np.empty(0, dtype=np.intp)
+    size = np.maximum(np.max(np.abs(x), axis=0), 1e-300)
+    inside = slice(AROUND, -AROUND)
+    lead, *_ = np.linalg.lstsq((x / size)[inside], values[1:][inside], rcond=None)
+    missed = np.abs(values[1:] - (x / size) @ lead)
+    usual = FAR * np.quantile(missed[inside], 0.99)
+    return np.array(
+        [
+            place
+            for place, way, step in ((0, values, 0), (values.size - 1, values[::-1], -1))
+            if abs(way[0] - 2 * way[1] + way[2])
+            > ALONE * np.max(np.abs(np.diff(way[1 : AROUND + 2])))
+            and missed[step] > usual
+        ],
+        dtype=np.intp,
+    )
+
+
+def _is_watched(name: str) -> bool:
+    return name.split('_')[0] in _WATCHED and not name.endswith(('reference', 'command'))
 
 
 def _quiet(record: Record) -> NDArray[np.bool_]:

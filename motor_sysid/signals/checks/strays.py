@@ -14,7 +14,7 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
             if found.name == 'position':
                 continue
             yield Finding(
-                Severity.WARNING, 'stray_samples', f'{found} between neighbours that agree',
+                Severity.WARNING, 'stray_samples', str(found),
                 'a fit and a diagnosis put them between their neighbours; all else takes them as '
                 'they are',
                 'look for garbled messages, a loose wire, or an estimator of the drive that '
