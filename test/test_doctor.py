@@ -86,6 +86,16 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
         'frozen_stretch', 'warning',
         replaced('current', lambda x: np.concatenate((x[:2000], np.full(800, x[2000]), x[2800:]))),
     ),
+    'speed silent for 40 rows': (
+        'frozen_stretch', 'warning',
+        replaced('speed', lambda x: np.concatenate((x[:2010], np.full(40, x[2010]), x[2050:]))),
+    ),
+    'speed new in every fourth row': (
+        'slow_updates', 'warning', replaced('speed', lambda x: np.repeat(x[::4], 4)[:x.size])
+    ),
+    'current new in every other row': (
+        'slow_updates', 'warning', replaced('current', lambda x: np.repeat(x[::2], 2)[:x.size])
+    ),
     'clipped current': ('saturation', 'warning', replaced('current', lambda x: np.clip(x, -2, 2))),
     'coarse current': ('quantization', 'warning', replaced('current', np.round)),
     'one nan': (
@@ -105,6 +115,14 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
 def test_nothing_is_said_about_good_data() -> None:
     assert found(GOOD) == {}
     assert found(with_encoder(GOOD)) == {}
+
+
+def test_a_slow_motion_in_counts_is_no_slow_update() -> None:
+    """One count in every third sample, for all of the record."""
+    lattice = 2 * np.pi / 2000
+    position = np.floor(np.arange(6000) / 3.0) * lattice
+    record = GOOD.with_signal('position', position, 'rad').select(['voltage', 'position'])
+    assert 'slow_updates' not in found(record)
 
 
 @pytest.mark.parametrize('case', SPOILT)

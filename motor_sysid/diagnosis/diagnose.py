@@ -111,7 +111,7 @@ def diagnose(
         found = better_with_half_lent(found, again)
     found = replace(found, warnings=(*notes, *found.warnings))
     further = beyond_training(bench.train_free, bench.held_free)
-    return with_threshold(with_what_data_may_hide(found, records, further), threshold)
+    return with_threshold(with_what_data_may_hide(found, [*records, *held], further), threshold)
 
 
 def with_what_data_may_hide(

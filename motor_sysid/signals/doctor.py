@@ -12,6 +12,7 @@ from motor_sysid.signals.checks import (
     plausibility,
     strays,
     timing,
+    updates,
     values,
 )
 from motor_sysid.signals.finding import Finding, Severity
@@ -41,7 +42,7 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
     if not any(finding.code == 'non_finite' for finding in findings):
         for check in (
             encoder.check, excitation.check, dynamics.check, phases.check, jumps.check,
-            strays.check,
+            strays.check, updates.check,
         ):  # fmt: skip
             findings += check(every)
         findings += plausibility.check(every, k_e)

@@ -16,6 +16,8 @@ ABSURD = 1e30
 """No signal of a motor is larger in SI."""
 COARSE = 0.1
 """A step of more than this many RMS is coarse."""
+SELDOM = 0.05
+"""Share of samples that repeat the one before, below which a signal moves by noise alone."""
 AT_LIMIT = 0.005
 """Share of samples at the largest value from which a signal counts as saturated."""
 
@@ -30,7 +32,8 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
         elif role_of(name) is Role.MEASURED and name not in SLOW:
             longest = max(having, key=len)
             yield from _stuck(name, values, records)
-            yield from _frozen(name, longest)
+            for record in having:
+                yield from _frozen(name, record)
             if name.startswith('current'):
                 yield from _saturated(name, longest)
             yield from _coarse(name, values, longest)
@@ -78,7 +81,8 @@ def _frozen(name: str, record: Record) -> Iterator[Finding]:
     start, length = int(starts[k]), int(lengths[k])
     driver = main_input(record)
     inside = record[driver][start : start + length] if driver else values[:1]
-    if length < max(50, 20 * expected) or np.ptp(inside) == 0 or _resting(name, record, start):
+    silent = repeats > SELDOM and np.ptp(inside) == 0
+    if length < 20 * expected or silent or _resting(name, record, start):
         return
     yield Finding(
         Severity.WARNING, 'frozen_stretch',
