@@ -26,10 +26,9 @@ from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
-from motor_sysid.signals.doctor import examine
+from motor_sysid.signals.doctor import examine, seen_by_fits
 from motor_sysid.signals.finding import Severity
 from motor_sysid.signals.record import Record
-from motor_sysid.signals.strays import told_strays
 
 _REACHING = ('speed', 'current', 'current_q', 'voltage', 'voltage_q', 'torque', 'force')
 
@@ -83,7 +82,7 @@ def diagnose(
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
-    notes = told_strays([*train, *validation]) + remarks(kind, [*records, *held], asked)
+    notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     tell(f'fitting a linear {kind.title}')
     if model is None:

@@ -35,8 +35,8 @@ from motor_sysid.estimation.batch import (
 from motor_sysid.estimation.batch.sisters import SPREAD
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.signals.doctor import seen_by_fits
 from motor_sysid.signals.record import Record
-from motor_sysid.signals.strays import told_strays
 
 
 def fit_model(
@@ -163,7 +163,7 @@ def bench_of(
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
-    notes = told_strays([*train, *validation]) + remarks(kind, [*records, *held], asked)
+    notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
     bench = replace(bench, notes=notes)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model

@@ -17,6 +17,7 @@ from motor_sysid.signals.checks import (
 )
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.strays import told_strays
 
 
 def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tuple[Finding, ...]:
@@ -48,6 +49,15 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
         findings += plausibility.check(every, k_e)
     findings += timing.check(every)
     return by_severity(findings)
+
+
+def seen_by_fits(records: Sequence[Record]) -> tuple[str, ...]:
+    """Say what is odd about records as they were measured: what a fit mends, or takes for physics.
+
+    Stray samples, which it does not see, and signals that are held between their updates.
+    """
+    slow = updates.slow_signals(records)
+    return (*told_strays(records), *(f'{one}: {one.harm}' for one in slow))
 
 
 def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:

@@ -1,6 +1,7 @@
 """Signals that are new less often than the record has samples, and are held in between."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,24 +22,50 @@ COUNT = 1.5
 """Change in units of a counter's step below which it counts a slow motion, however regular."""
 
 
+@dataclass(frozen=True)
+class Slow:
+    """A signal that is new in one sample of `period` only, every `seconds`."""
+
+    name: str
+    period: int
+    seconds: float
+
+    def __str__(self) -> str:
+        return (
+            f'{self.name} is new in one sample of {self.period} only, every '
+            f'{1e3 * self.seconds:.4g} ms'
+        )
+
+    @property
+    def harm(self) -> str:
+        """What comes of it."""
+        return (
+            'held in between, it is late by half of that in the mean, which looks like a lag of '
+            'its sensor'
+        )
+
+
 def check(records: Sequence[Record]) -> Iterator[Finding]:
     """Look for a period after which alone a measured signal changes."""
+    for found in slow_signals(records):
+        yield Finding(
+            Severity.WARNING, 'slow_updates', str(found), found.harm,
+            'record it as often as the other signals, or take every '
+            f'{found.period}th sample of all',
+            {'samples': found.period, 'period_s': found.seconds},
+        )  # fmt: skip
+
+
+def slow_signals(records: Sequence[Record]) -> Iterator[Slow]:
+    """Yield the measured signals that are new less often than the records have samples."""
     for name in dict.fromkeys(name for record in records for name in record):
         if role_of(name) is not Role.MEASURED or name in SLOW:
             continue
         having = [record for record in records if name in record]
-        periods = {period_of(record, name) for record in having}
-        if len(periods) > 1 or periods == {1}:
-            continue
-        (period,), dt = periods, having[0].dt
-        yield Finding(
-            Severity.WARNING, 'slow_updates',
-            f'{name} is new in one sample of {period} only, every {1e3 * period * dt:.4g} ms',
-            'held in between, it is late by half of that in the mean, which looks like a lag of '
-            'its sensor',
-            f'record it as often as the other signals, or take every {period}th sample of all',
-            {'samples': period, 'period_s': period * dt},
-        )  # fmt: skip
+        periods = {period_of(record, name) for record in having} - {1}
+        if len(periods) == 1:
+            (period,) = periods
+            yield Slow(name, period, period * having[0].dt)
 
 
 def period_of(record: Record, name: str) -> int:
