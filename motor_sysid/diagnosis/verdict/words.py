@@ -80,7 +80,8 @@ def unknown(
         f'{ladder[-1].validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
         f'noise in one channel, and {_structure(left)}.'
     ]
-    return [*lines, *shapes(found), *_partial(ladder)]
+    spell = [str(left.spell)] if left.spell else []
+    return [*lines, *spell, *shapes(found), *_partial(ladder)]
 
 
 def _contested(step: Step, found: Candidate) -> list[str]:

@@ -5,6 +5,6 @@ read from the outputs.  In reading order: `axes`, `bands` (means with a band of 
 `equation_errors` (what equations lack, from measured states), `unexplained` (the same from the
 output error), `where` (errors along axes and on maps), `compare`; what a force that no effect of
 the catalogue explains looks like: `shapes`, `orthogonal_rows`, `free_functions`, `unknown`; and
-whether what is left is noise: `uneven_records`, `drift`, `oscillation`, `other_values`,
-`remainder`.
+whether what is left is noise: `uneven_records`, `drift`, `spell`, `oscillation`,
+`other_values`, `remainder`.
 """

@@ -25,6 +25,7 @@ from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.drift import DRIFT, drift_of
 from motor_sysid.diagnosis.where.oscillation import Swing, swing_of
 from motor_sysid.diagnosis.where.other_values import MOVED, OtherValues
+from motor_sysid.diagnosis.where.spell import Spell, spell_of
 from motor_sysid.diagnosis.where.uneven_records import but_for_few, UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
@@ -120,6 +121,8 @@ class Remainder:
         Waves per turn of a torque in proportion to the current that stand out, strongest first.
     training_percent:
         The error on the data that were fitted: what swings in both may be large there alone.
+    spell:
+        A short time that makes nearly all of a record's error, if there is one.
     """
 
     floor: dict[str, float]
@@ -135,6 +138,7 @@ class Remainder:
     other: OtherValues | None = None
     waves: tuple[int, ...] = ()
     training_percent: float = 0.0
+    spell: Spell | None = None
 
     @property
     def swings(self) -> bool:
@@ -239,6 +243,7 @@ def examine_remainder(
         other,
         tuple(orders[1]),
         training.error_percent,
+        spell_of(((training, chains[0]), (held, chains[1])), ABOVE_FLOOR * noise),
     )
 
 
