@@ -85,7 +85,7 @@ def strays_of(record: Record) -> Iterator[Strays]:
         values = record[name]
         quiet = _quiet(record) if name.startswith('current') else None
         places = stray_places(values, quiet)
-        mended = _between(record.time, values, places)
+        mended = _between(record.time, values, places) if places.size else values.copy()
         ends = _stray_ends(record, name, mended)
         if ends.size or places.size:
             mended[ends] = 2 * mended[np.abs(ends - 1)] - mended[np.abs(ends - 2)]
@@ -135,9 +135,10 @@ def stray_places(values: Array, quiet: NDArray[np.bool_] | None = None) -> Place
     if moving.size < FEWEST or not np.all(np.isfinite(values)):
         return np.empty(0, dtype=np.intp)
     far = FAR * np.quantile(moving, 0.99)
-    steps = np.pad(np.abs(np.diff(values)), AROUND)
+    bare = np.abs(np.diff(values))
+    steps, away = np.pad(bare, AROUND), np.flatnonzero(bare > (1 - 1 / ALONE) * far) + 1
     for length in range(1, LONGEST + 1):
-        k = np.arange(1, values.size - length)
+        k = away[away < values.size - length]  # nothing else can be that far from the line
         before, after = values[k - 1], values[k + length]
         sides = [steps[AROUND + k - 1 - j] for j in range(1, AROUND)]
         sides += [steps[AROUND + k + length - 1 + j] for j in range(1, AROUND)]
@@ -159,26 +160,26 @@ def _stray_ends(record: Record, name: str, values: Array) -> Places:
     far, and the step to or from them must be none that the record's own signals lead to from one
     sample to the next: a motor at rest may be fast after one long sample.
     """
+    far = [
+        (place, step)
+        for place, way, step in ((0, values, 0), (values.size - 1, values[::-1], -1))
+        if values.size >= 2 * FEWEST
+        and abs(way[0] - 2 * way[1] + way[2])
+        > ALONE * np.max(np.abs(np.diff(way[1 : AROUND + 2])))
+    ]
+    if not far:
+        return np.empty(0, dtype=np.intp)
     told = [n for n in record if n == name or role_of(n) is Role.INPUT or _is_watched(n)]
     columns = [values if n == name else record[n] for n in told]
     x = np.column_stack([*columns, np.ones(values.size)])[:-1]
-    if values.size < 2 * FEWEST or not np.all(np.isfinite(x)):
+    if not np.all(np.isfinite(x)):
         return np.empty(0, dtype=np.intp)
     size = np.maximum(np.max(np.abs(x), axis=0), 1e-300)
     inside = slice(AROUND, -AROUND)
     lead, *_ = np.linalg.lstsq((x / size)[inside], values[1:][inside], rcond=None)
     missed = np.abs(values[1:] - (x / size) @ lead)
     usual = FAR * np.quantile(missed[inside], 0.99)
-    return np.array(
-        [
-            place
-            for place, way, step in ((0, values, 0), (values.size - 1, values[::-1], -1))
-            if abs(way[0] - 2 * way[1] + way[2])
-            > ALONE * np.max(np.abs(np.diff(way[1 : AROUND + 2])))
-            and missed[step] > usual
-        ],
-        dtype=np.intp,
-    )
+    return np.array([place for place, step in far if missed[step] > usual], dtype=np.intp)
 
 
 def _is_watched(name: str) -> bool:
