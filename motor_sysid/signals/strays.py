@@ -20,7 +20,7 @@ Places = NDArray[np.intp]
 
 FAR = 5.0
 """Distance of a stray sample from the line between its neighbours, in units of what one sample in
-a hundred of those that move at all exceeds; white noise comes that far once in 1e50."""
+a hundred of those that move at all exceeds; white noise comes that far once in 1e37."""
 
 ALONE = 5.0
 """The same in units of the largest step around it: where all moves fast, none is stray."""
@@ -125,14 +125,20 @@ def stray_places(values: Array, quiet: NDArray[np.bool_] | None = None) -> Place
     Parameters
     ----------
     values:
-        (N,) measured values, finite.
+        (N,) measured values.
     quiet:
         (N,) rows that may be stray; by default all.
+
+    Returns
+    -------
+    (K,) rows, rising; none of values that are not finite or hardly move.
     """
     rows: list[Places] = []
+    if not np.all(np.isfinite(values)):
+        return np.empty(0, dtype=np.intp)
     off = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
     moving = off[off > 0.0]
-    if moving.size < FEWEST or not np.all(np.isfinite(values)):
+    if moving.size < FEWEST:
         return np.empty(0, dtype=np.intp)
     far = FAR * np.quantile(moving, 0.99)
     bare = np.abs(np.diff(values))

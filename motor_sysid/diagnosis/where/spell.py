@@ -5,12 +5,12 @@ No law of the motion tells it, but the time does: somebody may know what happene
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.diagnosis.where.uneven_records import by_chain
 from motor_sysid.estimation.batch import Chain
 
 Array = NDArray[np.float64]
@@ -88,9 +88,7 @@ def _squares(
     comparison: Comparison, chains: Sequence[Chain], least: Array
 ) -> Iterator[tuple[Chain, Array]]:
     """Yield each chain that is scored with the (N,) squares of its errors, of noise 1 at most."""
-    residuals = iter(comparison.residuals)
-    for chain in chains:
-        own = list(islice(residuals, sum(stretch.scored for stretch in chain)))
-        if own:
-            scaled = np.concatenate(own) / np.maximum(least, 1e-300)
-            yield chain, np.mean(scaled**2, axis=1)
+    scored = [chain for chain in chains if any(stretch.scored for stretch in chain)]
+    for chain, residual in zip(scored, by_chain(comparison, chains), strict=True):
+        scaled = residual / np.maximum(least, 1e-300)
+        yield chain, np.mean(scaled**2, axis=1)

@@ -50,8 +50,8 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     for found in slow_signals(records):
         yield Finding(
             Severity.WARNING, 'slow_updates', str(found), found.harm,
-            'record it as often as the other signals, or take every '
-            f'{found.period}th sample of all',
+            'record it as often as the other signals, or keep one sample of '
+            f'{found.period} of all signals',
             {'samples': found.period, 'period_s': found.seconds},
         )  # fmt: skip
 
