@@ -1,7 +1,10 @@
 """One contract over the whole catalogue of effects."""
 
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from importlib import import_module
 import inspect
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -11,6 +14,7 @@ from motor_sysid.estimation.batch import make_chain, Problem
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import Effect, Enters
 from motor_sysid.physics.effects import add_effect_file, catalogue, effect
+from motor_sysid.physics.lanes import compile_effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.rollout import Program
@@ -308,6 +312,22 @@ def test_an_effect_of_the_user_takes_part(tmp_path, record):
         assert np.std(simulate(model, record).outputs['speed'] - before) > 0.05
     finally:
         catalogue().pop('coupling_ripple', None)
+
+
+def test_threads_that_ask_for_one_law_at_once_share_it(tmp_path, monkeypatch):
+    """The first one compiles it; a fit of a new motor asks in several threads."""
+    monkeypatch.setenv('MOTOR_SYSID_CACHE', str(tmp_path))
+    one = catalogue()['coulomb_friction']
+    one = replace(one, source=one.source + '\n# never compiled before\n')
+    at_once = Barrier(4)
+
+    def compiled(_: int) -> object:
+        at_once.wait(10)
+        return compile_effect(one, ('omega_eps',))
+
+    with ThreadPoolExecutor(4) as pool:
+        first, *others = pool.map(compiled, range(4))
+    assert all(lanes is first for lanes in others)
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ import inspect
 import os
 from pathlib import Path
 import sys
+from threading import Lock
 from types import ModuleType
 
 import numba
@@ -94,14 +95,20 @@ def cache_directory() -> Path:
 
 
 def compile_effect(effect: Effect, motor_parameters: tuple[str, ...]) -> tuple[Lane, ...]:
-    """Compile every law and rate of an effect for a motor with the given parameters.
+    """Compile every law and rate of an effect for a motor with the given parameters, once.
+
+    Threads that ask for the same at the same time wait for the first of them.
 
     Raises
     ------
     UserError
         If a law asks for a name that the motor and the effect do not have.
     """
-    return _compile(effect.key, effect.source, motor_parameters, _Laws(effect))
+    with _COMPILING:
+        return _compile(effect.key, effect.source, motor_parameters, _Laws(effect))
+
+
+_COMPILING = Lock()
 
 
 class _Laws:
