@@ -145,7 +145,9 @@ def test_dead_time_is_the_same_in_phases_and_in_the_rotor():
         assert dq['voltage_d'] * i_dq[0] + dq['voltage_q'] * i_dq[1] < 0, 'it takes power'
 
 
-def test_harmonics_are_those_of_the_simulator_that_tests_trust():
+@pytest.mark.parametrize('off', [0.0, 0.2])
+def test_harmonics_are_those_of_the_simulator_that_tests_trust(off):
+    """Also seen from axes that lie `off` behind those of the magnet."""
     from motor_sysid.benchmark.machine import PMSM_SHEETS
 
     m = PMSM_SHEETS[0].machine._replace(fifth=0.07, seventh=-0.04)
@@ -158,13 +160,13 @@ def test_harmonics_are_those_of_the_simulator_that_tests_trust():
         ]
         i_dq = np.array([0.4, -1.3])
         given = {'omega': omega, 'theta': theta, 'turn': 0.0, 'psi_f': m.k_e / p,
-                 'pole_pairs': p, 'angle_offset': 0.0, 'k_5': 0.07, 'k_7': -0.04,
-                 'i_d': i_dq[0], 'i_q': i_dq[1]}  # fmt: skip
+                 'pole_pairs': p, 'angle_offset': -off, 'frame_error': off, 'k_5': 0.07,
+                 'k_7': -0.04, 'i_d': i_dq[0], 'i_q': i_dq[1]}  # fmt: skip
         found = law_values('pmsm', 'emf_harmonics', **given)
         assert [found['voltage_d'], found['voltage_q']] == pytest.approx(
-            -to_dq(m.k_e * omega * np.array(form), x)
+            -to_dq(m.k_e * omega * np.array(form), x - off)
         )
-        assert found['torque'] == pytest.approx(m.k_e * np.dot(form, to_abc(i_dq, x)))
+        assert found['torque'] == pytest.approx(m.k_e * np.dot(form, to_abc(i_dq, x - off)))
 
 
 @pytest.mark.parametrize('key', ['inductance_saturation', 'emf_harmonics'])
@@ -175,8 +177,8 @@ def test_what_turns_takes_no_power_from_the_axes_that_it_does_not_give_as_torque
         i_d, i_q, omega, theta = rng.normal(size=4) * [2, 2, 50, 3]
         given = {'i_d': i_d, 'i_q': i_q, 'omega': omega, 'theta': theta, 'turn': 0.0,
                  'di_d': 0.0, 'di_q': 0.0, 'pole_pairs': 4.0, 'psi_f': 0.01, 'L_d': 1e-3,
-                 'L_q': 2e-3, 'angle_offset': 0.0, 's': 0.7, 'i_s': 1.3, 'k_5': 0.1,
-                 'k_7': 0.05}  # fmt: skip
+                 'L_q': 2e-3, 'angle_offset': 0.0, 'frame_error': 0.1, 's': 0.7,
+                 'i_s': 1.3, 'k_5': 0.1, 'k_7': 0.05}  # fmt: skip
         found = law_values('pmsm', key, **given)
         power = 1.5 * (found['voltage_d'] * i_d + found['voltage_q'] * i_q)
         assert power == pytest.approx(-found['torque'] * omega, rel=1e-9)

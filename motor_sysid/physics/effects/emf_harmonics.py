@@ -24,34 +24,49 @@ CARD = Card(
 )
 
 
+@law_function
+def on_d(x: float, k_5: float, k_7: float) -> float:
+    """Waves on the axis of the magnet at its electrical angle in rad."""
+    return (k_5 + k_7) * sin(6.0 * x)
+
+
+@law_function
+def on_q(x: float, k_5: float, k_7: float) -> float:
+    """Waves across the magnet at its electrical angle in rad."""
+    return (k_5 - k_7) * cos(6.0 * x)
+
+
 def voltage_d(
     omega: float, theta: float, turn: float, psi_f: float, pole_pairs: float,
-    angle_offset: float, k_5: float, k_7: float,
+    angle_offset: float, frame_error: float, k_5: float, k_7: float,
 ) -> float:  # fmt: skip
     """Voltage in V."""
-    six = 6.0 * (pole_pairs * theta + angle_offset)
-    share = step_share(6.0 * pole_pairs * turn)
-    return pole_pairs * omega * psi_f * (k_5 + k_7) * sin(six) * share
+    x = pole_pairs * theta + angle_offset + frame_error
+    d, q = on_d(x, k_5, k_7), on_q(x, k_5, k_7)
+    waves = d * cos(frame_error) - q * sin(frame_error)
+    return pole_pairs * omega * psi_f * waves * step_share(6.0 * pole_pairs * turn)
 
 
 def voltage_q(
     omega: float, theta: float, turn: float, psi_f: float, pole_pairs: float,
-    angle_offset: float, k_5: float, k_7: float,
+    angle_offset: float, frame_error: float, k_5: float, k_7: float,
 ) -> float:  # fmt: skip
     """Voltage in V."""
-    six = 6.0 * (pole_pairs * theta + angle_offset)
-    share = step_share(6.0 * pole_pairs * turn)
-    return pole_pairs * omega * psi_f * (k_5 - k_7) * cos(six) * share
+    x = pole_pairs * theta + angle_offset + frame_error
+    d, q = on_d(x, k_5, k_7), on_q(x, k_5, k_7)
+    waves = d * sin(frame_error) + q * cos(frame_error)
+    return pole_pairs * omega * psi_f * waves * step_share(6.0 * pole_pairs * turn)
 
 
 def torque_dq(
     i_d: float, i_q: float, theta: float, turn: float, psi_f: float, pole_pairs: float,
-    angle_offset: float, k_5: float, k_7: float,
+    angle_offset: float, frame_error: float, k_5: float, k_7: float,
 ) -> float:  # fmt: skip
     """Torque in N m."""
-    six = 6.0 * (pole_pairs * theta + angle_offset)
-    waves = (k_7 - k_5) * cos(six) * i_q - (k_5 + k_7) * sin(six) * i_d
-    return 1.5 * pole_pairs * psi_f * waves * step_share(6.0 * pole_pairs * turn)
+    x = pole_pairs * theta + angle_offset + frame_error
+    c, s = cos(frame_error), sin(frame_error)
+    waves = on_q(x, k_5, k_7) * (c * i_q - s * i_d) + on_d(x, k_5, k_7) * (c * i_d + s * i_q)
+    return -1.5 * pole_pairs * psi_f * waves * step_share(6.0 * pole_pairs * turn)
 
 
 @law_function

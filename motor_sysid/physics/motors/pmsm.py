@@ -104,22 +104,29 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
 def _electrical(
     records: Sequence[Record], pairs: float
 ) -> tuple[float, float, float, float, float]:
-    """Return R, L_d, L_q, the back-EMF constant and its angle from both voltage balances."""
+    """Return R, L_d, L_q, the back-EMF constant and its angle from both voltage balances.
+
+    Both axes are taken with the inductance from one to the other that turned axes have.
+    """
 
     def balances(record: Record, length: int) -> tuple[Array, Array]:
         columns, drive = _terms(record, length)
         r_d, l_d, speed_q, r_q, l_q, speed_d, emf = columns
         zero = np.zeros_like(emf)
-        d = np.column_stack([r_d, l_d, -pairs * speed_q, zero, -emf])
-        q = np.column_stack([r_q, pairs * speed_d, l_q, emf, zero])
+        across_d, across_q = l_q - pairs * speed_d, l_d + pairs * speed_q
+        d = np.column_stack([r_d, l_d, -pairs * speed_q, across_d, zero, -emf])
+        q = np.column_stack([r_q, pairs * speed_d, l_q, across_q, emf, zero])
         return np.concatenate([d, q]), drive
 
-    r, l_d, l_q, linkage, side = (float(v) for v in integral_regression(records, balances))
+    r, own_d, own_q, _, linkage, side = (float(v) for v in integral_regression(records, balances))
     r = max(r, 1e-4)
     slowest = 50 * r * records[0].dt
-    l_q = float(np.clip(l_q, 1e-3 * slowest, slowest))
     turned = math.atan2(side, linkage)
-    return r, float(np.clip(l_d, 0.1 * l_q, 10 * l_q)), l_q, math.hypot(linkage, side), turned
+    upright = float(np.clip(turned, -MOST_TURNED, MOST_TURNED))
+    mean, apart = 0.5 * (own_d + own_q), 0.5 * (own_d - own_q) / math.cos(2 * upright)
+    l_q = float(np.clip(mean - apart, 1e-3 * slowest, slowest))
+    l_d = float(np.clip(mean + apart, 0.1 * l_q, 10 * l_q))
+    return r, l_d, l_q, math.hypot(linkage, side), turned
 
 
 def _terms(record: Record, length: int) -> tuple[list[Array], Array]:
@@ -138,6 +145,8 @@ def _terms(record: Record, length: int) -> tuple[list[Array], Array]:
 def _pole_pairs(records: Sequence[Record]) -> float:
     """Return the pole pairs: what i_q induces in d at speed over what its change asks for in q.
 
+    What a magnet beside the recorded d axis brings into either axis has columns of its own.
+
     Raises
     ------
     UserError
@@ -148,11 +157,11 @@ def _pole_pairs(records: Sequence[Record]) -> float:
         columns, drive = _terms(record, min(length, _SHORT))
         r_d, l_d, speed_q, r_q, l_q, speed_d, emf = columns
         zero = np.zeros_like(emf)
-        d = np.column_stack([r_d, l_d, -speed_q, zero, zero, zero])
-        q = np.column_stack([r_q, zero, zero, l_q, speed_d, emf])
-        return np.concatenate([d, q]), drive
+        d = [r_d, l_d, -speed_q, zero, zero, zero, -emf, l_q, -speed_d]
+        q = [r_q, zero, zero, l_q, speed_d, emf, zero, l_d, speed_q]
+        return np.concatenate([np.column_stack(d), np.column_stack(q)]), drive
 
-    _, _, crossed, l_q, _, _ = integral_regression(records, balances)
+    _, _, crossed, l_q, *_ = integral_regression(records, balances)
     pairs = crossed / l_q if l_q > 0 else 0.0
     if not (0.7 < pairs < 64 and abs(pairs - round(pairs)) < _ROUND):
         raise UserError(
@@ -163,9 +172,15 @@ def _pole_pairs(records: Sequence[Record]) -> float:
 
 
 def drive_torque(values: Mapping[str, float], record: Record) -> Array:
-    """Return 1.5 pole_pairs (psi_f i_q + (L_d - L_q) i_d i_q), (N,) in N m."""
-    linkage = values['psi_f'] + (values['L_d'] - values['L_q']) * record['current_d']
-    torque: Array = 1.5 * values['pole_pairs'] * linkage * record['current_q']
+    """Return 1.5 pole_pairs (psi_f i_q + (L_d - L_q) i_d i_q), (N,) in N m.
+
+    The currents are those on the axes of the magnet, `frame_error` ahead of the record's.
+    """
+    c, s = math.cos(values['frame_error']), math.sin(values['frame_error'])
+    d, q = record['current_d'], record['current_q']
+    i_d, i_q = c * d + s * q, c * q - s * d
+    linkage = values['psi_f'] + (values['L_d'] - values['L_q']) * i_d
+    torque: Array = 1.5 * values['pole_pairs'] * linkage * i_q
     return torque
 
 
