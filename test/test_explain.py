@@ -13,6 +13,7 @@ from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.confusable import rivalries_of
+from motor_sysid.diagnosis.verdict import words
 from motor_sysid.diagnosis.verdict.blind_spots import blind_spots, undetermined
 from motor_sysid.diagnosis.verdict.proof import (
     evidence_of,
@@ -20,6 +21,7 @@ from motor_sysid.diagnosis.verdict.proof import (
     off_nominal,
     wrong_parameters,
 )
+from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import add_effect_file, catalogue
 from motor_sysid.physics.model import Model
@@ -186,6 +188,18 @@ def test_a_magnet_beside_the_recorded_axis_is_told_with_the_way_to_turn():
     assert 'ahead of' in off_axis(at(8.0))[0]
     assert off_axis(at(2.0)) == [] == off_axis(at(8.0, sigma=0.1))
     assert off_axis(fitted({})) == []
+
+
+def test_what_is_not_named_is_told_with_the_reason():
+    left = Remainder({}, 1.0, 4.0, 4.0, 0.9)
+
+    def last_line(after: float, sigma: float) -> str:
+        steps = [step(fitted({}), 90.0), step(with_friction({}, sigma), after)]
+        return words.unknown(steps, left, ())[-1]
+
+    assert 'but its size cannot be told from nothing' in last_line(4.0, 4e-3)
+    assert 'a model that still errs by 60 % tells nothing' in last_line(60.0, 1e-4)
+    assert 'would explain a part of it' in last_line(40.0, 1e-4)
 
 
 # --- blind spots ---------------------------------------------------------------------------

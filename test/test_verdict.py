@@ -27,7 +27,7 @@ from motor_sysid.diagnosis.search.trial import searching, Trial
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
-    is_last_outweighed,
+    goes_again,
     verdict_of,
 )
 from motor_sysid.diagnosis.where import remainder
@@ -80,11 +80,26 @@ def trial(
 BASE = run(0.0 * WAVES[0])
 
 
-def rung(error_percent, unidentifiable=(), *, effects=(), friction=1e-5, training=5.0):
-    """Return a fit with those errors and a viscous friction told to a tenth."""
+NAMED = {'a': 'coulomb_friction', 'b': 'quadratic_drag', 'c': 'iron_loss', 'd': 'supply_sag'}
+"""Effects by the names that they have in these tests."""
+
+
+def rung(
+    error_percent, unidentifiable=(), *, effects=(), friction=1e-5, training=5.0, untold=()
+):  # fmt: skip
+    """Return a fit with those errors and a viscous friction told to a tenth.
+
+    Of its effects those that are `untold` are no further than their standard error from zero.
+    """
     b = Parameter('b', 'N m s/rad', friction, 1e-12, 10.0, '', sigma=0.1 * friction)
+    keys = tuple(NAMED.get(one, one) for one in effects)
+    own = [
+        Parameter(f'{key}.{a.name}', a.unit, 1.0, -10.0, 10.0, '',
+                  sigma=1.0 if one in untold else 0.1)
+        for one, key in zip(effects, keys, strict=True) for a in effect(key).card.amplitudes
+    ]  # fmt: skip
     return SimpleNamespace(
-        model=SimpleNamespace(effects=effects, parameters=ParameterSet((b,))),
+        model=SimpleNamespace(effects=keys, parameters=ParameterSet((b, *own))),
         held=SimpleNamespace(error_percent=error_percent),
         training=SimpleNamespace(error_percent=training),
         result=SimpleNamespace(unidentifiable=unidentifiable, undetermined=unidentifiable),
@@ -430,13 +445,35 @@ def test_the_last_of_several_goes_alone_if_it_alone_takes_away_less_than_what_is
     left = Remainder({}, FLOOR, 4.5, 4.5, 0.9)
     base, one = (rung(40.0), []), (rung(6.0, effects=('a',)), [])
     ladder = [base, one, (rung(4.5, effects=('a', 'b')), [])]
-    assert is_last_outweighed(ladder, left)
-    assert not is_last_outweighed(ladder, Remainder({}, FLOOR, 4.5, 1.1, 0.9))
-    assert not is_last_outweighed(ladder[:2], left)
+    assert goes_again(ladder, left)
+    assert not goes_again(ladder, Remainder({}, FLOOR, 4.5, 1.1, 0.9))
+    assert not goes_again(ladder[:2], left)
     little = (rung(39.9, effects=('a',)), [])
-    assert not is_last_outweighed([base, little, ladder[-1]], left)
+    assert not goes_again([base, little, ladder[-1]], left)
     both = [(rung(6.1), []), (rung(6.0, effects=('a',)), []), (rung(5.9, effects=('a', 'b')), [])]
-    assert not is_last_outweighed(both, Remainder({}, FLOOR, 5.9, 5.9, 0.9))
+    assert not goes_again(both, Remainder({}, FLOOR, 5.9, 5.9, 0.9))
+
+
+def test_what_cannot_be_told_from_nothing_is_not_named_where_something_else_is_left():
+    base, told = rung(40.0), rung(4.0, effects='a')
+    faint = rung(4.0, effects='a', untold='a')
+    assert verdict(base, told, left=LEFT) is Verdict.EFFECT_MISSING
+    assert verdict(base, faint, left=LEFT) is Verdict.UNKNOWN_EFFECT
+    assert verdict(base, faint) is Verdict.EFFECT_MISSING, 'a combination may be all that is seen'
+    given = rung(40.0, effects='a', untold='a')
+    assert verdict(given, rung(4.0, effects='ab', untold='a'), left=LEFT) is Verdict.EFFECT_MISSING
+    ladder = [(one, []) for one in (base, told, rung(3.0, effects='ab', untold='b'))]
+    assert goes_again(ladder, LEFT)
+    assert not goes_again(ladder, NOISE)
+    assert not goes_again([(base, []), (faint, [])], LEFT), 'the only one stays, unnamed'
+
+
+def test_a_model_that_knows_nothing_names_nothing():
+    left = Remainder({}, FLOOR, 60.0, 60.0, 0.9)
+    assert verdict(rung(900.0), rung(60.0, effects='a'), left=left) is Verdict.UNKNOWN_EFFECT
+    assert verdict(rung(900.0), rung(40.0, effects='a'), left=left) is Verdict.EFFECT_MISSING
+    noise = Remainder({}, 59.0, 60.0, 1.01, 0.0)
+    assert verdict(rung(900.0), rung(60.0, effects='a'), left=noise) is Verdict.EFFECT_MISSING
 
 
 def test_an_effect_that_only_leads_to_the_next_is_counted_with_it():
@@ -450,7 +487,7 @@ def test_an_effect_that_only_leads_to_the_next_is_counted_with_it():
     more = Remainder({}, FLOOR, 10.8, 10.8, 0.9)
     assert verdict(base, ahead, both, *little, left=more) is Verdict.UNKNOWN_EFFECT
     ladder = [(one, []) for one in (base, both, rung(11.5, effects=('a', 'b', 'c')))]
-    assert is_last_outweighed(ladder, Remainder({}, FLOOR, 11.5, 11.5, 0.9))
+    assert goes_again(ladder, Remainder({}, FLOOR, 11.5, 11.5, 0.9))
 
 
 def test_what_took_the_place_of_another_took_nothing_away_itself():

@@ -61,7 +61,7 @@ from motor_sysid.diagnosis.verdict.left_over import left_over
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
-    is_last_outweighed,
+    goes_again,
     verdict_of,
 )
 from motor_sysid.diagnosis.where.remainder import Remainder
@@ -187,13 +187,13 @@ class Engine:
     def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:
         """Fit what a climb came to exactly, and give the verdict.
 
-        The last of several effects goes if more is left than it takes away.
+        The last of several effects goes if more is left than it takes away, or it is not told.
         """
         start = ladder[0][0].model.effects
         self.settle(ladder, start)
         doubted = self.doubted(ladder, start)
         left = left_over(ladder[-1][0], self.bench, self.train_records)
-        while is_last_outweighed(ladder, left):
+        while goes_again(ladder, left):
             self.take_back(ladder, start)
             left = left_over(ladder[-1][0], self.bench, self.train_records)
         return self.conclude(ladder, rivals, left, doubted=doubted)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
+from motor_sysid.diagnosis.search.held_back import kept
 from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
@@ -232,7 +233,8 @@ def make_bench(
     Parameters
     ----------
     train, validation:
-        Records; without validation records the last `fraction` of each is held back.
+        Records; without validation records the last `fraction` of each is held back, or more of
+        one that ends at rest (see `kept`).
     model:
         A fitted model if there is one; it tells how far ahead a run may look without drifting.
     nominal:
@@ -255,8 +257,8 @@ def make_bench(
     values = model.parameters.values() if model else begun
     defaults = {p.name: p.value for p in kind.parameters}
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
-    keep = 1.0 if validation else 1.0 - fraction
-    parts = [*((record, keep) for record in train), *((record, 0.0) for record in validation)]
+    parts = [(r, 1.0 if validation else kept(r, fraction)) for r in train]
+    parts += [(r, 0.0) for r in validation]
 
     def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
         made = (

@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.search.gates import (
     ALL_BUT_A_TRIFLE,
     gone,
     HELD_BACK,
+    is_told,
     is_wild,
     SURE,
     UNSTEADY,
@@ -19,6 +20,7 @@ from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.trial import Trial
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.remainder import Remainder, TRIFLE_PERCENT
+from motor_sysid.physics.model import Model
 
 FLOOR_SURE = 0.1
 """Relative error of the square of the sensor noise that is read from the data."""
@@ -72,13 +74,25 @@ def _outweighs(left: Remainder, final: Rung, drop: float) -> bool:
     return left.structured and left.share * final.held.error_percent**2 > drop
 
 
-def is_last_outweighed(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> bool:
-    """Whether the last of several effects alone takes away less than what is left."""
-    *others, last = _drops(ladder) or [np.inf]
-    if not others or ladder[-1][0].model.effects[:-1] != ladder[-2][0].model.effects:
-        return False
+def goes_again(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> bool:
+    """Whether the last of several effects goes: alone it takes away less than what is left.
+
+    Or it cannot be told from nothing, where something of a shape is left.
+    """
     final = ladder[-1][0]
-    return _outweighs(left, final, last) and not _outweighs(left, final, min(others))
+    if len(ladder) < 2 or final.model.effects[:-1] != ladder[-2][0].model.effects:
+        return False
+    *others, last = _drops(ladder) or [np.inf]
+    if others and _outweighs(left, final, last) and not _outweighs(left, final, min(others)):
+        return True
+    start, key = ladder[0][0].model.effects, final.model.effects[-1]
+    several = len(final.model.effects) > len(start) + 1
+    return several and left.structured and key in untold(final.model, start)
+
+
+def untold(model: Model, start: Sequence[str]) -> list[str]:
+    """Return the effects beside those of the `start` of which no amplitude is told from zero."""
+    return [key for key in model.effects if key not in start and not is_told(model, key)]
 
 
 def disagree(note: str, held: float, training: float) -> bool:
@@ -144,7 +158,8 @@ def verdict_of(
     Of several effects none may take away less than the missing physics that is left, and none may
     leave nothing of a parameter of the motor that was well known, unless several explain all but a
     trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
-    are undetermined, what explains nearly all is named all the same.
+    are undetermined, what explains nearly all is named all the same.  Where something of a shape
+    is left, nothing is named that cannot be told from nothing, nor by a model that knows nothing.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -167,7 +182,8 @@ def verdict_of(
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
     several = len(final.model.effects) > len(base.model.effects) + 1
     enough = NEARLY_ALL if several else EXPLAINED
-    if (structured and explained < enough) or outweighed or doubted:
+    blind = is_wild(final) or bool(untold(final.model, base.model.effects))
+    if (structured and (explained < enough or blind)) or outweighed or doubted:
         return Verdict.UNKNOWN_EFFECT
     believed = explained > ALL_BUT_A_TRIFLE and ((several and not structured) or is_wild(base))
     if not believed and gone(final.model, base.model):

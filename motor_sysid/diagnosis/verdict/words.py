@@ -1,6 +1,6 @@
 """The verdict in plain words."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import (
@@ -11,9 +11,9 @@ from motor_sysid.diagnosis.result.findings import (
     WrongParameter,
 )
 from motor_sysid.diagnosis.result.result import Candidate, Step, Verdict
-from motor_sysid.diagnosis.search.gates import UNSTEADY
+from motor_sysid.diagnosis.search.gates import UNSTEADY, WILD_PERCENT
 from motor_sysid.diagnosis.search.synonyms import other_names
-from motor_sysid.diagnosis.verdict.verdict import disagree
+from motor_sysid.diagnosis.verdict.verdict import disagree, untold
 from motor_sysid.diagnosis.where.other_values import OtherValues
 from motor_sysid.diagnosis.where.remainder import (
     LARGE_PERCENT,
@@ -176,7 +176,7 @@ def named(
     """Say what is missing, with its evidence."""
     first, last = ladder[0], ladder[-1]
     added = [k for k in last.model.effects if k not in first.model.effects]
-    names = ' and '.join(effect(k).card.title for k in added) or 'nothing'
+    names = _titles(added) or 'nothing'
     before, after = first.validation_error_percent, last.validation_error_percent
     was, now = apart(before, after)
     lines = [
@@ -219,11 +219,28 @@ def experiment(
 def _partial(ladder: Sequence[Step]) -> list[str]:
     if len(ladder) < 2:
         return []
-    names = ' and '.join(effect(k).card.title for k in ladder[-1].model.effects)
+    last, start = ladder[-1], ladder[0].model.effects
+    own = [key for key in last.model.effects if key not in start]
+    names, error = _titles(own), last.validation_error_percent
+    if faint := untold(last.model, start):
+        size = f'the size of {_titles(faint)}' if len(own) > 1 else 'its size'
+        return [
+            f'{names} would lower the error most, but {size} cannot be told from nothing with '
+            'these data: it may stand for something else.'
+        ]
+    if error > WILD_PERCENT:
+        return [
+            f'{names} would lower the error most, but a model that still errs by {error:.3g} % '
+            'tells nothing of what it lacks.'
+        ]
     return [
         f'{names} would explain a part of it, but not enough to be named: a wrong neighbour often '
         'looks like that.'
     ]
+
+
+def _titles(keys: Iterable[str]) -> str:
+    return ' and '.join(effect(key).card.title for key in keys)
 
 
 def _advice(spot: BlindSpot) -> str:

@@ -1,0 +1,65 @@
+"""How much of a record is held back, where it ends at rest."""
+
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis.fitting import fit_model
+from motor_sysid.diagnosis.search.held_back import kept, remarks_on_held
+from motor_sysid.signals import Record
+
+UNITS = {'voltage': 'V', 'speed': 'rad/s', 'position': 'rad', 'torque': 'N m'}
+TIME = 1e-2 * np.arange(1000)
+
+
+def moving_until(share: float, names: tuple[str, ...] = ('speed', 'position')) -> Record:
+    """Return a record of 10 s with two levels of speed, and rest after a share of it."""
+    moves = share * TIME.size > np.arange(TIME.size)
+    speed = np.where(moves, 20.0 + 10.0 * np.sign(np.sin(9 * TIME)), 0.0)
+    signals = {'voltage': 0.1 * speed, 'speed': speed, 'position': np.cumsum(speed) * 1e-2}
+    chosen = {name: signals[name] for name in ('voltage', *names)}
+    return Record(TIME, chosen, {name: UNITS[name] for name in chosen})
+
+
+@pytest.mark.parametrize('names', [('speed',), ('position',)])
+def test_a_record_that_moves_to_its_end_is_held_back_as_asked(names):
+    record = moving_until(1.0, names)
+    assert kept(record, 0.2) == pytest.approx(0.8)
+    assert remarks_on_held([record], 0.2) == ()
+    assert kept(moving_until(0.95, names), 0.2) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize('names', [('speed',), ('position',)])
+@pytest.mark.parametrize(('moves', 'fitted'), [(0.85, 0.68), (0.7, 0.56), (0.4, 0.5)])
+def test_a_record_that_ends_at_rest_gives_its_due_of_the_motion(names, moves, fitted):
+    """A fifth of the way is made in the last fifth of the motion, if half of the record holds."""
+    record = moving_until(moves, names)
+    assert kept(record, 0.2) == pytest.approx(fitted, abs=0.015)
+    (line,) = remarks_on_held([record], 0.2)
+    assert f'the last {1 - kept(record, 0.2):.0%} are held back' in line
+    assert kept(record, 0.7) <= 0.3 + 1e-9, 'never less than was asked for'
+
+
+def test_a_motor_that_rests_or_whose_motion_is_not_known_is_held_back_as_asked():
+    rest = Record(TIME, {'voltage': TIME, 'speed': 0.0 * TIME}, {'voltage': 'V', 'speed': 'rad/s'})
+    assert kept(rest, 0.2) == pytest.approx(0.8)
+    unknown = Record(TIME, {'torque': TIME}, {'torque': 'N m'})
+    assert kept(unknown, 0.2) == pytest.approx(0.8)
+
+
+def test_a_fit_says_what_it_holds_back_and_judges_on_motion():
+    rng = np.random.default_rng(1)
+    volts = np.repeat(rng.uniform(-10, 10, 100), 10)
+    volts[700:] = 0.0
+    speed, x = np.zeros(1000), 0.0
+    for k, u in enumerate(volts):
+        speed[k] = x
+        x += 1e-2 * 20.0 * (2.0 * u - x)
+    speed += 0.01 * rng.standard_normal(1000)
+    record = Record(
+        TIME, {'voltage': volts, 'speed': speed}, {'voltage': 'V', 'speed': 'rad/s'}
+    )
+    found = fit_model([record], motor='brushed_dc_reduced')
+    assert any('hardly moves in the last 20% of the record' in w for w in found.result.warnings)
+    assert found.held.error_percent < 1.0
+    explicit = fit_model([record], [record], motor='brushed_dc_reduced')
+    assert not any('hardly moves' in w for w in explicit.result.warnings)
