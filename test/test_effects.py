@@ -42,6 +42,7 @@ DESIGNED = {
     'armature_heating', 'torque_constant_saturation', 'inductance_saturation', 'iron_loss',
     'current_sensor_lag', 'current_sensor_scale', 'current_sensor_offset',
     'speed_sensor_scale', 'speed_sensor_offset', 'speed_sensor_lag', 'emf_harmonics',
+    'rotor_angle_lag',
 }  # fmt: skip
 
 
@@ -212,6 +213,7 @@ ARGUMENT_UNITS = {
     'i': 'A', 'omega': 'rad/s', 'theta': 'rad', 'u': 'V', 't': 's', 'di': 'A/s',
     'domega': 'rad/s^2', 'turn': 'rad', **dict.fromkeys(('i_d', 'i_q', 'i_a', 'i_b'), 'A'),
     **dict.fromkeys(('di_d', 'di_q', 'di_a', 'di_b'), 'A/s'),
+    **dict.fromkeys(('u_d', 'u_q'), 'V'),
 }  # fmt: skip
 BASIC = {
     '1': (0, 0, 0), 'rad': (0, 0, 0), 'rev': (0, 0, 0), 'kg': (1, 0, 0), 's': (0, 1, 0),

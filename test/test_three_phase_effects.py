@@ -87,6 +87,7 @@ def test_what_makes_sense_is_offered_and_nothing_else(kind):
     offered = {key for other, key in CASES if other == kind}
     assert offered >= MECHANICAL | ELECTRICAL
     assert not offered & {'brush_voltage_drop', 'supply_sag', 'driver_clipping', 'drive_coast'}
+    assert ('rotor_angle_lag' in offered) == (kind == 'pmsm'), 'phases know no axes'
 
 
 @pytest.mark.parametrize(('kind', 'key'), CASES)
@@ -167,6 +168,24 @@ def test_harmonics_are_those_of_the_simulator_that_tests_trust(off):
             -to_dq(m.k_e * omega * np.array(form), x - off)
         )
         assert found['torque'] == pytest.approx(m.k_e * np.dot(form, to_abc(i_dq, x - off)))
+
+
+def test_a_late_angle_turns_the_axes_by_what_the_rotor_covers():
+    """At one speed it is nothing but a `frame_error` that is larger by that angle."""
+    motor_values = {'R': 0.5, 'L_d': 1e-3, 'L_q': 2e-3, 'psi_f': 0.01, 'pole_pairs': 4.0}
+    state = {'u_d': -1.0, 'u_q': 9.0, 'i_d': 0.7, 'i_q': -1.9, 'omega': 200.0}
+    given = {**motor_values, **state, 'frame_error': 0.03, 'lag': 150e-6}
+    found = law_values('pmsm', 'rotor_angle_lag', **given)
+    own = motor('pmsm').own.laws
+
+    def at(angle: float, name: str) -> float:
+        law = own[name]
+        values = {**given, 'frame_error': angle}
+        return law(**{n: values[n] for n in inspect.signature(law).parameters})
+
+    assert set(found) == {'torque', 'voltage_d', 'voltage_q'}
+    for name, value in found.items():
+        assert value == pytest.approx(at(0.03 + 4 * 200 * 150e-6, name) - at(0.03, name)), name
 
 
 @pytest.mark.parametrize('key', ['inductance_saturation', 'emf_harmonics'])

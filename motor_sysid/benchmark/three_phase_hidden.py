@@ -118,6 +118,11 @@ def _harmonics(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator
     return _on(h, fifth=size, seventh=-rng.uniform(0.3, 1.0) * size)
 
 
+def _old_angle(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
+    fast = 0.4 * s.top_speed * s.machine.pole_pairs  # electrical, as fast as records go
+    return replace(h, angle_lag=size / fast)
+
+
 HIDE: dict[str, Hide] = {
     'coulomb_friction': _coulomb,
     'stribeck_friction': _stribeck,
@@ -137,5 +142,6 @@ HIDE: dict[str, Hide] = {
     'flexible_shaft': _shaft,
     'armature_heating': _heat,
     'speed_sensor_lag': _lag,
+    'rotor_angle_lag': _old_angle,
 }
 """Key to the function that hides an effect of a size in a machine; sizes as in `hidden`."""

@@ -47,6 +47,8 @@ class Hidden:
         Time from command to voltage, s.
     speed_lag:
         Time constant of a filter of the speed, s; 0 without one.
+    angle_lag:
+        Age of the angle that a field-oriented drive turns voltages and currents with, s.
     """
 
     machine: Machine
@@ -54,6 +56,7 @@ class Hidden:
     band: float = 1.0
     delay: float = 0.0
     speed_lag: float = 0.0
+    angle_lag: float = 0.0
 
 
 class Sensors(NamedTuple):
@@ -101,18 +104,18 @@ class Rig:
         newer, older = self._late[-1 - int(whole)], self._late[-2 - int(whole)]
         bridge = self.sheet.supply, self.hidden.dead, self.hidden.band
         _sample(
-            self.machine, self.x, older, newer, round(part * STEPS), bridge, self._count * DT,
-            self._work,
+            self.machine, self.x, older, newer, round(part * STEPS), self.hidden.angle_lag, bridge,
+            self._count * DT, self._work,
         )  # fmt: skip
         self._count += 1
 
 
 @njit(cache=True, error_model='numpy')
-def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no-untyped-def]
+def _sample(machine, x, older, newer, late, old, bridge, t, work):  # type: ignore[no-untyped-def]
     """Advance the state (8,) by a sample, the first `late` steps under the older command.
 
     A machine with a trapezoid is driven in six steps, commutated wherever it is, any other by a
-    vector that turns with the rotor.
+    vector that turns with the rotor as it was `old` seconds ago.
     """
     supply, dead, band = bridge
     v, low, high, shown = np.empty((4, 3))
@@ -133,7 +136,7 @@ def _sample(machine, x, older, newer, late, bridge, t, work):  # type: ignore[no
                 off = 3 - into - out
                 v[into], v[out], v[off] = 0.5 * (supply + u), 0.5 * (supply - u), 0.0
             else:
-                angle += 0.5 * h * machine.pole_pairs * x[OMEGA]  # as it is halfway
+                angle += (0.5 * h - old) * machine.pole_pairs * x[OMEGA]  # as it is halfway
                 alpha = u * math.cos(angle) - u_q * math.sin(angle)
                 side = 0.5 * math.sqrt(3.0) * (u * math.sin(angle) + u_q * math.cos(angle))
                 v[0], v[1] = alpha + 0.5 * supply, side - 0.5 * alpha + 0.5 * supply
@@ -201,7 +204,7 @@ def pmsm(
     for k in range(time.size):
         seen, angle = rig.currents(), rig.angle()
         speed = rig.speed(angle)
-        turned = m.pole_pairs * angle
+        turned = m.pole_pairs * (angle - hidden.angle_lag * float(rig.x[OMEGA]))
         i_d, i_q = park(
             float(seen[0]), float(seen[1]), float(seen[2]), math.cos(turned), math.sin(turned)
         )

@@ -93,13 +93,9 @@ def diagnose(
         found = diagnosis_at_rest(climb(model, bench), bench)
         return replace(found, warnings=(*notes, *found.warnings))
     bench = with_scales(bench, model)
-    threshold = threshold_for(
-        settings.calibrations,
-        model,
-        situation_of(model, records, bench.outputs),
-        settings.alpha,
-        [one.key for one in candidates],
-    )
+    situation = situation_of(model, records, bench.outputs)
+    keys = [one.key for one in candidates]
+    threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic)
     nominal = nominal or {}
     found = Engine(bench, candidates, settings, tell, nominal).run(climb(model, bench))

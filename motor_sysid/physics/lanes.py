@@ -21,7 +21,7 @@ import numba
 import numpy as np
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics import laws, native
+from motor_sysid.physics import laws, native, rotor_frame
 from motor_sysid.physics.effect import (
     ARGUMENTS,
     arguments,
@@ -175,7 +175,7 @@ def _read(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:
 
 
 def _generated_module(stem: str, text: str) -> ModuleType:
-    depends = text + inspect.getsource(laws) + inspect.getsource(native)
+    depends = text + ''.join(inspect.getsource(one) for one in (laws, native, rotor_frame))
     depends += f'{numba.__version__} {np.__version__}'
     name = f'lane_{stem}_{hashlib.sha256(depends.encode()).hexdigest()[:16]}'
     path = cache_directory() / f'{name}.py'

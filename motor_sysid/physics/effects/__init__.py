@@ -39,6 +39,7 @@ _FILES = (
     'driver_clipping',
     'inverter_dead_time',
     'drive_coast',
+    'rotor_angle_lag',
     'brush_voltage_drop',
     'armature_heating',
     'armature_inductance',
