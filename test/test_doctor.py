@@ -206,6 +206,22 @@ def test_motor_that_never_moves() -> None:
     assert found(without('position', 'current')(still))['no_motion'].severity == 'error'
 
 
+@pytest.mark.parametrize(('lasts', 'start'), [(0.4, 0.0), (20.0, 0.0), (20.0, 2.0)])
+def test_a_step_response_is_usable_however_long_it_lasts_after_the_step(
+    lasts: float, start: float
+) -> None:
+    """The voltage is one and the same from the first row on: speed tells of start or stop."""
+    time = np.arange(0, lasts, 0.01)
+    speed = 10.0 * (1.0 + (start - 1.0) * np.exp(-time / 0.1))
+    speed += 0.05 * np.random.default_rng(0).standard_normal(time.size)
+    units = {'voltage': 'V', 'speed': 'rad/s'}
+    record = Record(time, {'voltage': np.full(time.size, 9.6), 'speed': speed}, units)
+    assert found(record)['constant_input'].severity.value == 'warning'
+    steady = record.slice(time.size // 2, time.size)
+    if lasts > 1.0:
+        assert found(steady)['constant_input'].severity.value == 'error', 'it tells of no motion'
+
+
 def test_rate_and_length_against_the_motor() -> None:
     slow = Record(
         GOOD.time[::100], {name: GOOD[name][::100] for name in ('voltage', 'speed')}, GOOD.units

@@ -3,15 +3,22 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from recording_tools import motor_record
 
 from motor_sysid.cli import main
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.search.motor_kind import choose_kind, passed_over, used_signals
+from motor_sysid.diagnosis.search.motor_kind import (
+    choose_kind,
+    passed_over,
+    remarks_on_field,
+    used_signals,
+)
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors import motor
 from motor_sysid.physics.store import save_model
 from motor_sysid.recording.save import write_record
 from motor_sysid.signals.record import Provenance, Record
@@ -94,3 +101,16 @@ def test_compare_tells_it_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     files = [str(tmp_path / name) for name in ('m.yaml', 'a.csv', 'b.csv')]
     assert main(['compare', *files]) == 0
     assert f'note: {files[2]} has no current; the current of {files[1]}' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(('dt', 'told'), [(1e-3, False), (1e-2, True)])
+def test_a_field_that_turns_far_from_sample_to_sample_is_told(dt: float, told: bool) -> None:
+    """7 pole pairs at 100 rad/s turn by 0.7 or 7 electrical rad within a sample."""
+    speed = np.full(500, 100.0)
+    record = Record(dt * np.arange(500), {'speed': speed}, {'speed': 'rad/s'})
+    lines = remarks_on_field(motor('pmsm'), [record], {'pole_pairs': 7.0})
+    assert len(lines) == told
+    if told:
+        assert 'by 401 degrees from sample to sample' in lines[0]
+        assert 'record at 1400 Hz' in lines[0]
+    assert remarks_on_field(motor('brushed_dc'), [record], {}) == ()

@@ -18,7 +18,6 @@ from motor_sysid.diagnosis.search.bench import (
     refuse_short,
     with_scales,
 )
-from motor_sysid.diagnosis.search.held_back import remarks_on_held
 from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest, stands_still
@@ -84,8 +83,8 @@ def diagnose(
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)
     notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
-    notes += () if held else remarks_on_held(records, settings.validation_fraction)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
+    notes += bench.notes
     tell(f'fitting a linear {kind.title}')
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model

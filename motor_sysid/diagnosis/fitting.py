@@ -15,7 +15,6 @@ from motor_sysid.diagnosis.search.bench import (
     prepared_parts,
     with_scales,
 )
-from motor_sysid.diagnosis.search.held_back import remarks_on_held
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
 from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
 from motor_sysid.diagnosis.search.refit import best_per_effect, try_effect
@@ -165,8 +164,7 @@ def bench_of(
     refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
     notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
-    notes += () if validation else remarks_on_held(train, fraction)
-    bench = replace(bench, notes=notes)
+    bench = replace(bench, notes=notes + bench.notes)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
     return with_scales(bench, model), model

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
-from motor_sysid.diagnosis.search.held_back import kept
+from motor_sysid.diagnosis.search.held_back import kept, remarks_on_held
+from motor_sysid.diagnosis.search.motor_kind import remarks_on_field
 from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
@@ -286,6 +287,10 @@ def make_bench(
         sensors=_sensors(train, outputs),
         begun=begun,
         blunt=_widths(kind, train),
+        notes=(
+            *(() if validation else remarks_on_held(train, fraction)),
+            *remarks_on_field(kind, everything, {**defaults, **values}),
+        ),
     )  # fmt: skip
 
 

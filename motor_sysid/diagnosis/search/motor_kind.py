@@ -1,6 +1,7 @@
 """Which motor kind records are fitted with, and which of their signals it uses."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+import math
 
 from motor_sysid.diagnosis.search.standstill import stands_still, words_of_standstill
 from motor_sysid.errors import UserError
@@ -8,6 +9,7 @@ from motor_sysid.estimation.batch import observed_outputs
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.motors.speed import top_speed
 from motor_sysid.signals.checks.common import DRIVING_CURRENTS, SUPPLY
 from motor_sysid.signals.record import Record
 
@@ -107,8 +109,32 @@ def _sources(records: Sequence[Record]) -> str:
     return ', '.join(names)
 
 
+FAST_FIELD, WELL_SEEN = 1.5, 0.5
+"""Electrical angle from sample to sample that is told, and one that records show well, rad."""
+
+
 def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple[str, ...]:
     """Say what a fit to records makes no use of, and what comes of a rotor that stands still."""
     still = bool(kind.currents) and stands_still(records)
     said = (words_of_standstill(kind),) if still else ()
     return (*passed_over(records, lambda some: used_signals(some, wanted)), *said)
+
+
+def remarks_on_field(
+    kind: Motor, records: Sequence[Record], values: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Say so where the field of a three-phase motor turns on by much within a sample."""
+    if not kind.wave or kind.wave not in values:
+        return ()
+    dt = max(record.dt for record in records)
+    turn = values[kind.wave] * max(map(top_speed, records)) * dt
+    if turn < FAST_FIELD:
+        return ()
+    wanted = 100 * math.ceil(turn / (WELL_SEEN * dt) / 100)
+    return (
+        f'the field turns on by {math.degrees(turn):.0f} degrees from sample to sample at the '
+        'highest speed: a voltage that a drive changes in between, and is held here, tells little '
+        'of the currents, and each sample takes many steps of simulation. To do: record at '
+        f'{wanted} Hz, or slower motion; or give the torque of the currents as `torque` '
+        '(`--motor mechanical_axis`)',
+    )
