@@ -13,6 +13,9 @@ from motor_sysid.physics.motors.speed import top_speed
 from motor_sysid.signals.checks.common import DRIVING_CURRENTS, SUPPLY
 from motor_sysid.signals.record import Record
 
+FAST_FIELD, WELL_SEEN = 1.5, 0.5
+"""Electrical angle from sample to sample that is told, and one that records show well, rad."""
+
 
 def told_kind(records: Sequence[Record], wanted: str | None) -> str | None:
     """Return the motor kind that is wanted, else the one that the signals of all records tell."""
@@ -107,10 +110,6 @@ def passed_over(
 def _sources(records: Sequence[Record]) -> str:
     names = dict.fromkeys(r.provenance.source or 'a record' for r in records)
     return ', '.join(names)
-
-
-FAST_FIELD, WELL_SEEN = 1.5, 0.5
-"""Electrical angle from sample to sample that is told, and one that records show well, rad."""
 
 
 def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple[str, ...]:
