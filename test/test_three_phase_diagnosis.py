@@ -4,10 +4,13 @@ The simulator is the independent one; its dead time, saturation and cogging are 
 package's laws are.
 """
 
+import numpy as np
 import pytest
 from three_phase_records import bldc_record, pmsm_record
 
+from motor_sysid.benchmark.three_phase_cases import draw
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
+from motor_sysid.signals.record import Record
 
 HIDDEN = {
     'coulomb_friction': ({'tau_c': 2e-3}, {'tau_c': (2e-3, 0.05)}),
@@ -60,3 +63,29 @@ def test_it_is_named_in_a_bldc(key):
     assert found.effects == (key,)
     for name, (value, tolerance) in parameters.items():
         assert found.model[f'{key}.{name}'] == pytest.approx(value, rel=tolerance), name
+
+
+def test_an_angle_that_the_drive_knows_late_is_named():
+    case = draw('pmsm/rotor_angle_lag/10/0', 12)
+    found = diagnose(case.train, case.valid, motor=case.motor, nominal=case.nominal)
+    assert found.effects == ('rotor_angle_lag',)
+    assert found.model['rotor_angle_lag.lag'] == pytest.approx(case.hidden.angle_lag, rel=0.01)
+
+
+def test_a_salient_motor_beside_the_recorded_axis_is_complete_and_told_so():
+    """Seen from axes 8 electrical degrees ahead of those of the magnet."""
+    case, angle = draw('pmsm/complete/1', 12), np.radians(8.0)
+
+    def turned(record: Record) -> Record:
+        for kind in ('voltage', 'current'):
+            d, q = record[f'{kind}_d'], record[f'{kind}_q']
+            unit = record.units[f'{kind}_d']
+            record = record.with_signal(
+                f'{kind}_d', np.cos(angle) * d + np.sin(angle) * q, unit
+            ).with_signal(f'{kind}_q', np.cos(angle) * q - np.sin(angle) * d, unit)
+        return record
+
+    train, valid = [turned(r) for r in case.train], [turned(r) for r in case.valid]
+    found = diagnose(train, valid, motor=case.motor, nominal=case.nominal)
+    assert found.verdict is Verdict.COMPLETE
+    assert any('8 electrical degrees behind' in line for line in found.reasons)
