@@ -260,6 +260,7 @@ def make_bench(
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
     parts = [(r, 1.0 if validation else kept(r, fraction)) for r in train]
     parts += [(r, 0.0) for r in validation]
+    said = () if validation else remarks_on_held(train, fraction)
 
     def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
         made = (
@@ -287,10 +288,7 @@ def make_bench(
         sensors=_sensors(train, outputs),
         begun=begun,
         blunt=_widths(kind, train),
-        notes=(
-            *(() if validation else remarks_on_held(train, fraction)),
-            *remarks_on_field(kind, everything, {**defaults, **values}),
-        ),
+        notes=remarks_on_field(kind, everything, {**defaults, **values}) + said,
     )  # fmt: skip
 
 
