@@ -15,12 +15,7 @@ from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.confusable import rivalries_of
 from motor_sysid.diagnosis.verdict import words
 from motor_sysid.diagnosis.verdict.blind_spots import blind_spots, undetermined
-from motor_sysid.diagnosis.verdict.proof import (
-    evidence_of,
-    off_axis,
-    off_nominal,
-    wrong_parameters,
-)
+from motor_sysid.diagnosis.verdict.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import add_effect_file, catalogue
@@ -174,20 +169,6 @@ def test_values_far_from_nominal_are_told():
     assert off_nominal(fitted({}), {'R': 2.0, 'k_t': 0.05}) == []
     (line,) = off_nominal(fitted({}), {'R': 1.0, 'k_t': 0.05})
     assert '2.1 times its nominal value' in line
-
-
-def test_a_magnet_beside_the_recorded_axis_is_told_with_the_way_to_turn():
-    def at(degrees: float, sigma: float = 1e-3) -> Model:
-        model = Model.base('pmsm', {'frame_error': np.radians(degrees), 'pole_pairs': 4.0})
-        return model.with_estimates({}, {'frame_error': sigma})
-
-    (line,) = off_axis(at(-8.0))
-    assert line.startswith('The magnet lies 8 electrical degrees behind the d axis')
-    assert '(2 of the shaft)' in line
-    assert line.endswith('turn the zero of its rotor angle by -8 electrical degrees')
-    assert 'ahead of' in off_axis(at(8.0))[0]
-    assert off_axis(at(2.0)) == [] == off_axis(at(8.0, sigma=0.1))
-    assert off_axis(fitted({})) == []
 
 
 def test_what_is_not_named_is_told_with_the_reason():

@@ -233,3 +233,18 @@ def test_a_salient_motor_is_found_though_its_axes_are_off():
     assert turned['frame_error'] - upright['frame_error'] == pytest.approx(0.14, abs=1e-3)
     for name in ('R', 'L_d', 'L_q', 'psi_f', 'J'):
         assert turned[name] == pytest.approx(upright[name], rel=2e-3), name
+
+
+def test_a_magnet_beside_the_recorded_axis_is_told_with_the_way_to_turn():
+    kind = motor('pmsm')
+
+    def said(degrees: float, sigma: float | None = 1e-3) -> str:
+        model = Model.base('pmsm', {'frame_error': np.radians(degrees), 'pole_pairs': 4.0})
+        model = model.with_estimates({}, {'frame_error': sigma}) if sigma else model
+        return kind.remark(model.parameters)
+
+    assert said(-8.0).startswith('The magnet lies 8 electrical degrees behind the d axis')
+    assert '(2 of the shaft)' in said(-8.0)
+    assert said(-8.0).endswith('turn the zero of its rotor angle by -8 electrical degrees')
+    assert 'ahead of' in said(8.0)
+    assert said(2.0) == said(8.0, sigma=0.1) == said(8.0, sigma=None) == ''

@@ -27,7 +27,7 @@ from motor_sysid.diagnosis.search.trial import searching, Trial
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
-    goes_again,
+    last_goes,
     verdict_of,
 )
 from motor_sysid.diagnosis.where import remainder
@@ -445,13 +445,13 @@ def test_the_last_of_several_goes_alone_if_it_alone_takes_away_less_than_what_is
     left = Remainder({}, FLOOR, 4.5, 4.5, 0.9)
     base, one = (rung(40.0), []), (rung(6.0, effects=('a',)), [])
     ladder = [base, one, (rung(4.5, effects=('a', 'b')), [])]
-    assert goes_again(ladder, left)
-    assert not goes_again(ladder, Remainder({}, FLOOR, 4.5, 1.1, 0.9))
-    assert not goes_again(ladder[:2], left)
+    assert last_goes(ladder, left)
+    assert not last_goes(ladder, Remainder({}, FLOOR, 4.5, 1.1, 0.9))
+    assert not last_goes(ladder[:2], left)
     little = (rung(39.9, effects=('a',)), [])
-    assert not goes_again([base, little, ladder[-1]], left)
+    assert not last_goes([base, little, ladder[-1]], left)
     both = [(rung(6.1), []), (rung(6.0, effects=('a',)), []), (rung(5.9, effects=('a', 'b')), [])]
-    assert not goes_again(both, Remainder({}, FLOOR, 5.9, 5.9, 0.9))
+    assert not last_goes(both, Remainder({}, FLOOR, 5.9, 5.9, 0.9))
 
 
 def test_what_cannot_be_told_from_nothing_is_not_named_where_something_else_is_left():
@@ -463,9 +463,9 @@ def test_what_cannot_be_told_from_nothing_is_not_named_where_something_else_is_l
     given = rung(40.0, effects='a', untold='a')
     assert verdict(given, rung(4.0, effects='ab', untold='a'), left=LEFT) is Verdict.EFFECT_MISSING
     ladder = [(one, []) for one in (base, told, rung(3.0, effects='ab', untold='b'))]
-    assert goes_again(ladder, LEFT)
-    assert not goes_again(ladder, NOISE)
-    assert not goes_again([(base, []), (faint, [])], LEFT), 'the only one stays, unnamed'
+    assert last_goes(ladder, LEFT)
+    assert not last_goes(ladder, NOISE)
+    assert not last_goes([(base, []), (faint, [])], LEFT), 'the only one stays, unnamed'
 
 
 def test_a_model_that_knows_nothing_names_nothing():
@@ -487,7 +487,7 @@ def test_an_effect_that_only_leads_to_the_next_is_counted_with_it():
     more = Remainder({}, FLOOR, 10.8, 10.8, 0.9)
     assert verdict(base, ahead, both, *little, left=more) is Verdict.UNKNOWN_EFFECT
     ladder = [(one, []) for one in (base, both, rung(11.5, effects=('a', 'b', 'c')))]
-    assert goes_again(ladder, Remainder({}, FLOOR, 11.5, 11.5, 0.9))
+    assert last_goes(ladder, Remainder({}, FLOOR, 11.5, 11.5, 0.9))
 
 
 def test_what_took_the_place_of_another_took_nothing_away_itself():

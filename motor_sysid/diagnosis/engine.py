@@ -61,7 +61,7 @@ from motor_sysid.diagnosis.verdict.left_over import left_over
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
-    goes_again,
+    last_goes,
     verdict_of,
 )
 from motor_sysid.diagnosis.where.remainder import Remainder
@@ -193,7 +193,7 @@ class Engine:
         self.settle(ladder, start)
         doubted = self.doubted(ladder, start)
         left = left_over(ladder[-1][0], self.bench, self.train_records)
-        while goes_again(ladder, left):
+        while last_goes(ladder, left):
             self.take_back(ladder, start)
             left = left_over(ladder[-1][0], self.bench, self.train_records)
         return self.conclude(ladder, rivals, left, doubted=doubted)

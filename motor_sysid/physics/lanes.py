@@ -36,6 +36,9 @@ from motor_sysid.physics.effect import (
 LANES = native.LANES
 """Parameter vectors in one block."""
 
+SHARED = (laws, rotor_frame, native)
+"""Modules whose functions laws and lanes call: an edit of theirs makes every lane anew."""
+
 ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
 ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate((*FORCES, *SENSORS, *JUMPS))}
 FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(ROW_OF_FORCE)
@@ -175,7 +178,7 @@ def _read(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:
 
 
 def _generated_module(stem: str, text: str) -> ModuleType:
-    depends = text + ''.join(inspect.getsource(one) for one in (laws, native, rotor_frame))
+    depends = text + ''.join(map(inspect.getsource, SHARED))
     depends += f'{numba.__version__} {np.__version__}'
     name = f'lane_{stem}_{hashlib.sha256(depends.encode()).hexdigest()[:16]}'
     path = cache_directory() / f'{name}.py'

@@ -33,15 +33,33 @@ def less_cosine(angle: float) -> float:
 
 
 @law_function
+def push_d(
+    u_d: float, u_q: float, i_d: float, i_q: float, omega_e: float, R: float, L_q: float,
+    s: float, c: float,
+) -> float:  # fmt: skip
+    """Return L_d di_dm/dt on the magnet, in V, from what is on axes beside it."""
+    return c * u_d + s * u_q - R * (c * i_d + s * i_q) + omega_e * L_q * (c * i_q - s * i_d)
+
+
+@law_function
+def push_q(
+    u_d: float, u_q: float, i_d: float, i_q: float, omega_e: float, R: float, L_d: float,
+    psi_f: float, s: float, c: float,
+) -> float:  # fmt: skip
+    """Return L_q di_qm/dt across the magnet, in V, from what is on axes beside it."""
+    flux = L_d * (c * i_d + s * i_q) + psi_f
+    return c * u_q - s * u_d - R * (c * i_q - s * i_d) - omega_e * flux
+
+
+@law_function
 def more_on_d(
     u_d: float, u_q: float, i_d: float, i_q: float, omega: float, R: float, L_d: float, L_q: float,
     psi_f: float, pole_pairs: float, angle: float,
 ) -> float:  # fmt: skip
     """Return the voltage on d beyond the linear core, in V."""
-    s, c = sine(angle), 1.0 - less_cosine(angle)
-    along, across, omega_e = c * i_d + s * i_q, c * i_q - s * i_d, pole_pairs * omega
-    d = c * u_d + s * u_q - R * along + omega_e * L_q * across
-    q = c * u_q - s * u_d - R * across - omega_e * (L_d * along + psi_f)
+    s, c, omega_e = sine(angle), 1.0 - less_cosine(angle), pole_pairs * omega
+    d = push_d(u_d, u_q, i_d, i_q, omega_e, R, L_q, s, c)
+    q = push_q(u_d, u_q, i_d, i_q, omega_e, R, L_d, psi_f, s, c)
     return c * d - s * q * (L_d / L_q) - (u_d - R * i_d)
 
 
@@ -51,10 +69,9 @@ def more_on_q(
     psi_f: float, pole_pairs: float, angle: float,
 ) -> float:  # fmt: skip
     """Return the voltage on q beyond the linear core, in V."""
-    s, c = sine(angle), 1.0 - less_cosine(angle)
-    along, across, omega_e = c * i_d + s * i_q, c * i_q - s * i_d, pole_pairs * omega
-    d = c * u_d + s * u_q - R * along + omega_e * L_q * across
-    q = c * u_q - s * u_d - R * across - omega_e * (L_d * along + psi_f)
+    s, c, omega_e = sine(angle), 1.0 - less_cosine(angle), pole_pairs * omega
+    d = push_d(u_d, u_q, i_d, i_q, omega_e, R, L_q, s, c)
+    q = push_q(u_d, u_q, i_d, i_q, omega_e, R, L_d, psi_f, s, c)
     return c * q + s * d * (L_q / L_d) - (u_q - R * i_q - omega_e * psi_f)
 
 

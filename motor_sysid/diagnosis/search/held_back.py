@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
 
 DULL = 0.5
 """Share of its due (as much of the motion as of the time) below which a last part tells too little
@@ -47,7 +50,7 @@ def remarks_on_held(records: Sequence[Record], fraction: float) -> tuple[str, ..
     return tuple(said)
 
 
-def _travel(record: Record) -> np.ndarray:
+def _travel(record: Record) -> Array:
     """Return the way that the motor has made by each sample (N,), in any unit, or nothing."""
     if 'position' in record:
         steps = np.abs(np.diff(record['position'], prepend=record['position'][:1]))

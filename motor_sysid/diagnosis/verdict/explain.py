@@ -8,12 +8,7 @@ from motor_sysid.diagnosis.result.result import Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.search.confusable import Compared, rivalries_of
 from motor_sysid.diagnosis.verdict import words
 from motor_sysid.diagnosis.verdict.blind_spots import blind_spots, undetermined
-from motor_sysid.diagnosis.verdict.proof import (
-    evidence_of,
-    off_axis,
-    off_nominal,
-    wrong_parameters,
-)
+from motor_sysid.diagnosis.verdict.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.diagnosis.where.unknown import unknown_of
 from motor_sysid.diagnosis.where.where import failure_of
@@ -77,7 +72,8 @@ def _reasons(
         lines = words.named(ladder, left, full.evidence, full.rivalries, full.unknown)
         lines += words.wrong(full.wrong_parameters)
     last = ladder[-1].model
-    return [*lines, *off_axis(last), *off_nominal(last, nominal)]
+    said = last.kind.remark(last.parameters) if last.kind.remark else ''
+    return [*lines, *([said] if said else []), *off_nominal(last, nominal)]
 
 
 def _unknown(diagnosis: Diagnosis, last: Step, left: Remainder) -> tuple[Unknown, ...]:

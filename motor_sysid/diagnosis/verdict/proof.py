@@ -24,9 +24,6 @@ _DIGITS, _MOST_DIGITS = 3, 7
 CERTAIN, WORTH = 3.0, 0.1
 """A parameter was wrong if it moved by so many standard deviations, and by that share."""
 
-ASKEW = math.radians(3.0)
-"""Electrical angle from the recorded d axis to the magnet from which on it is spoken of."""
-
 AT_NOISE = 1.02
 """Error over sensor noise below which shares of what is beyond it mean nothing."""
 
@@ -87,23 +84,6 @@ def off_nominal(model: Model, nominal: Mapping[str, float]) -> list[str]:
                     f'({with_unit(p.value, p.unit)} against {with_unit(value, p.unit)}).'
                 )
     return lines
-
-
-def off_axis(model: Model) -> list[str]:
-    """Say so if the magnet of a synchronous motor lies beside the d axis of its records."""
-    if 'frame_error' not in model.parameters:
-        return []
-    p, pairs = model.parameters['frame_error'], model['pole_pairs']
-    if abs(p.value) < ASKEW or not _known(p.sigma, p.value):
-        return []
-    degrees, lost = math.degrees(p.value), 100 * (1 - math.cos(p.value))
-    return [
-        f'The magnet lies {abs(degrees):.3g} electrical degrees '
-        f'{"ahead of" if degrees > 0 else "behind"} the d axis that the drive takes '
-        f'({abs(degrees) / pairs:.2g} of the shaft): a q current makes {lost:.2g} % less torque, '
-        'and a d current makes some. To do: turn the zero of its rotor angle by '
-        f'{degrees:+.3g} electrical degrees'
-    ]
 
 
 def _evidence(

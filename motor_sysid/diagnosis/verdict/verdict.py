@@ -74,7 +74,7 @@ def _outweighs(left: Remainder, final: Rung, drop: float) -> bool:
     return left.structured and left.share * final.held.error_percent**2 > drop
 
 
-def goes_again(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> bool:
+def last_goes(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> bool:
     """Whether the last of several effects goes: alone it takes away less than what is left.
 
     Or it cannot be told from nothing, where something of a shape is left.
@@ -85,9 +85,9 @@ def goes_again(ladder: Sequence[tuple[Rung, list[Trial]]], left: Remainder) -> b
     *others, last = _drops(ladder) or [np.inf]
     if others and _outweighs(left, final, last) and not _outweighs(left, final, min(others)):
         return True
-    start, key = ladder[0][0].model.effects, final.model.effects[-1]
-    several = len(final.model.effects) > len(start) + 1
-    return several and left.structured and key in untold(final.model, start)
+    start, own = ladder[0][0].model.effects, final.model.effects
+    several = len(own) > len(start) + 1
+    return several and left.structured and own[-1] in untold(final.model, start)
 
 
 def untold(model: Model, start: Sequence[str]) -> list[str]:

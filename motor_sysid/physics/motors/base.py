@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.effect import arguments, Effect, JUMPS, Law
-from motor_sysid.physics.parameters import Parameter
+from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -164,6 +164,8 @@ class Motor:
         asked for.
     prepare:
         ``records, known -> records`` with what this kind needs beside the signals of a record.
+    remark:
+        ``parameters -> words`` on what fitted ones say of the drive, and what to do; or nothing.
     """
 
     key: str
@@ -192,6 +194,7 @@ class Motor:
     terminals: bool = False
     tells: tuple[str, ...] = ()
     prepare: Callable[[Sequence[Record], Mapping[str, float]], list[Record]] | None = None
+    remark: Callable[[ParameterSet], str] | None = None
 
     def names(self) -> set[str]:
         """Return everything that a law may ask this motor for."""

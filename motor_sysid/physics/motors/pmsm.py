@@ -34,11 +34,14 @@ from motor_sysid.physics.motors.base import (
     windows,
 )
 from motor_sysid.physics.motors.speed import measured_speed
-from motor_sysid.physics.parameters import Parameter
+from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.signals.record import Record
 
 MOST_TURNED = 0.5
 """Electrical angle (rad) between the magnet and the recorded d axis that a fit makes up for."""
+
+ASKEW = math.radians(3.0)
+"""Electrical angle from the recorded d axis to the magnet from which on it is spoken of."""
 
 _SHORT = 8
 _ROUND = 0.3
@@ -184,6 +187,21 @@ def drive_torque(values: Mapping[str, float], record: Record) -> Array:
     return torque
 
 
+def remark(parameters: ParameterSet) -> str:
+    """Say so if the magnet lies beside the d axis of the records for certain, or nothing."""
+    p, pairs = parameters['frame_error'], parameters['pole_pairs'].value
+    if p.sigma is None or abs(p.value) < max(ASKEW, 2.0 * p.sigma):
+        return ''
+    degrees, lost = math.degrees(p.value), 100 * (1 - math.cos(p.value))
+    return (
+        f'The magnet lies {abs(degrees):.3g} electrical degrees '
+        f'{"ahead of" if degrees > 0 else "behind"} the d axis that the drive takes '
+        f'({abs(degrees) / pairs:.2g} of the shaft): a q current makes {lost:.2g} % less torque, '
+        'and a d current makes some. To do: turn the zero of its rotor angle by '
+        f'{degrees:+.3g} electrical degrees'
+    )
+
+
 MOTOR = Motor(
     key='pmsm',
     title='permanent magnet synchronous motor',
@@ -259,4 +277,5 @@ MOTOR = Motor(
     shown=('current_offset_a', 'current_offset_b'),
     wave='pole_pairs',
     unmeasured='pmsm_q',
+    remark=remark,
 )

@@ -24,10 +24,10 @@ AT_REST, SLOWLY = 0.02, 0.1
 """Shares of the top speed below which the motor counts as resting, and as turning slowly."""
 LEVELS = 10
 """Bins of the speed from rest to top; a bin counts as covered by 1 % of the samples."""
-STARTS, FROM = 0.05, 0.3
-"""Spread of the speed over its top from which a motor under a constant input starts or stops; and
-the same of what its first samples differ from its median, where it has long come to rest or speed.
-"""
+SPREAD, FROM_START = 0.05, 0.3
+"""Spread of the speed, and difference of its first samples from its median, over its top speed,
+either of which tells that a motor under a constant input starts or stops.  After a long time at
+one speed only the second does."""
 ONE_WAY = 0.01
 """Least share of the motion that must go the other way."""
 
@@ -103,9 +103,13 @@ def _without_supply(record: Record) -> Finding:
     )  # fmt: skip
 
 
-def _change(speed: Array) -> float:
-    """Return by how much a motor is faster or slower at the start of a record than later."""
-    return float(max(np.std(speed), STARTS * abs(np.mean(speed[:3]) - np.median(speed)) / FROM))
+def _changes(speed: Array) -> bool:
+    """Whether a motor starts or stops in a record; no single stray sample tells so."""
+    top = float(np.max(np.abs(speed), initial=0.0))
+    if top == 0.0:
+        return False
+    apart = abs(np.median(speed[:3]) - np.median(speed))
+    return bool(np.std(speed) > SPREAD * top or apart > FROM_START * top)
 
 
 def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:
@@ -117,9 +121,8 @@ def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:
         return
     name = names[0]
     speeds = [speed for record in records if (speed := speed_of(record)) is not None]
-    changes = [_change(s) / (np.max(np.abs(s), initial=0.0) or 1.0) for s in speeds]
     turning = sum(_reversals(s, SLOWLY * np.max(np.abs(s), initial=0.0)) for s in speeds)
-    starting = max(changes, default=0.0) > STARTS and turning == 0
+    starting = any(map(_changes, speeds)) and turning == 0
     value = f'{records[0][name][0]:.6g} {records[0].units[name]}'
     yield Finding(
         Severity.WARNING if starting else Severity.ERROR, 'constant_input',
