@@ -96,6 +96,14 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
     'current new in every other row': (
         'slow_updates', 'warning', replaced('current', lambda x: np.repeat(x[::2], 2)[:x.size])
     ),
+    'speed new at times of its own': (
+        'slow_updates', 'warning',
+        replaced('speed', lambda x: x[(np.floor(np.arange(x.size) / 5.4) * 5.4).astype(int)]),
+    ),
+    'voltage of the supply': (
+        'voltage_of_supply', 'error',
+        replaced('voltage', lambda x: 24.0 - 0.01 * np.abs(x)),
+    ),
     'clipped current': ('saturation', 'warning', replaced('current', lambda x: np.clip(x, -2, 2))),
     'coarse current': ('quantization', 'warning', replaced('current', np.round)),
     'one nan': (
@@ -178,6 +186,29 @@ def test_unit_of_a_speed_without_position_from_the_encoder_steps(factor: float) 
     record = without('position')(with_encoder(GOOD))
     assert 'speed_unit' not in found(record)
     assert found(scaled('speed', factor)(record))['speed_unit'].severity == 'error'
+
+
+def test_rounded_numbers_are_not_taken_for_counts_for_sure() -> None:
+    """Steps of 0.01 rad/s at 50 Hz would be one count of 5000 per turn, were they turns/s."""
+    record = without('position', 'current')(GOOD)
+    every = Record(GOOD.time[::20], {name: record[name][::20] for name in record}, record.units)
+    slow = 0.004 * every['speed']
+    finding = found(every.with_signal('speed', slow.round(2), 'rad/s'))['speed_unit']
+    assert finding.severity == 'warning'
+    assert 'unless its numbers are rounded' in finding.message
+    coarse = (slow / 0.05).round() * 0.05
+    assert found(every.with_signal('speed', coarse, 'rad/s'))['speed_unit'].severity == 'error'
+
+
+@pytest.mark.parametrize(('times', 'told'), [(1, False), (4, True)])
+def test_a_steady_voltage_under_a_speed_that_comes_and_goes(times: int, told: bool) -> None:
+    """A fan on a speed controller, logged with the voltage of its battery; and a single start."""
+    time = np.arange(0, 8, 0.005)
+    speed = 900.0 * np.abs(np.sin(np.pi * times / 16 * time))
+    volts = 24.9 - 0.5 * speed / 900.0
+    units = {'voltage': 'V', 'speed': 'rad/s'}
+    record = Record(time, {'voltage': volts, 'speed': speed}, units)
+    assert ('voltage_of_supply' in found(record)) == told
 
 
 def test_unit_of_a_smooth_speed_from_the_data_sheet() -> None:

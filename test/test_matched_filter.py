@@ -54,6 +54,14 @@ def test_the_order_of_a_wave_stands_out(order):
     assert gains[order] > 100
 
 
+def test_a_model_that_ran_away_shows_no_orders():
+    found = matched(turning=0.4, cogging=1e-3, order=23.0)
+    for stretch in found._stretches:
+        stretch.path['omega'][5:] = np.nan
+        stretch.path['turn'][5:] = np.nan
+    assert not np.any(found.order_gains())
+
+
 def test_once_per_turn_stands_out_where_no_effect_of_the_catalogue_is_asked():
     """An eccentric wheel or a weight, which the catalogue need not hold."""
     found = matched(turning=0.4, gravity=1e-3)

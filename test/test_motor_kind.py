@@ -12,8 +12,10 @@ from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.search.motor_kind import (
     choose_kind,
+    is_field_lost,
     passed_over,
     remarks_on_field,
+    told_kind,
     used_signals,
 )
 from motor_sysid.errors import UserError
@@ -60,7 +62,10 @@ def test_a_current_beside_a_duty_cycle_drives_only_what_is_asked_for() -> None:
             'current_q, and speed or position. ',
         ),
         ('bldc', 'voltage_a, voltage_b, voltage_c as input, current_a, current_b, and position.'),
-        ('mechanical_axis', 'torque or force or current as input, and speed or position.'),
+        (
+            'mechanical_axis',
+            'torque or force or current or current_q as input, and speed or position.',
+        ),
     ],
 )  # fmt: skip
 def test_a_wanted_kind_says_what_it_needs(wanted: str, needed: str) -> None:
@@ -114,3 +119,34 @@ def test_a_field_that_turns_far_from_sample_to_sample_is_told(dt: float, told: b
         assert 'by 401 degrees from sample to sample' in lines[0]
         assert 'record at 1400 Hz' in lines[0]
     assert remarks_on_field(motor('brushed_dc'), [record], {}) == ()
+
+
+def telemetry(dt: float, speed: float) -> Record:
+    """Return what a drive under field-oriented control tells, while its q current pulls."""
+    time = dt * np.arange(400)
+    pull = 20.0 * np.repeat(np.random.default_rng(5).uniform(0.2, 1.0, 8), 50)
+    turning = np.zeros(400)
+    for k in range(399):
+        turning[k + 1] = turning[k] + 4.0 * dt * (pull[k] - 20.0 * turning[k] / speed)
+    signals = {'voltage_d': -0.1 * pull, 'voltage_q': 0.1 * turning + 0.1 * pull,
+               'current_d': 0.0 * pull, 'current_q': pull, 'speed': turning}  # fmt: skip
+    units = {n: 'V' if 'voltage' in n else 'A' if 'current' in n else 'rad/s' for n in signals}
+    return Record(time, signals, units)
+
+
+def test_where_the_field_is_lost_the_axis_alone_is_fitted() -> None:
+    """At 20 Hz and 150 rad/s even one pole pair turns by more than a turn from row to row."""
+    record = telemetry(0.05, 200.0)
+    assert is_field_lost([record])
+    assert told_kind([record], None) == 'mechanical_axis'
+    assert told_kind([record], 'pmsm') == 'pmsm'
+    model = fit_model([record])
+    assert model.model.motor == 'mechanical_axis'
+    assert model.model['J'] == pytest.approx(0.25, rel=0.03)
+    assert any('with the q current as what drives it' in text for text in model.result.warnings)
+
+
+@pytest.mark.parametrize(('pairs', 'lost'), [({}, False), ({'pole_pairs': 7.0}, True)])
+def test_pole_pairs_that_are_known_count(pairs: dict[str, float], lost: bool) -> None:
+    assert is_field_lost([telemetry(0.01, 300.0)], pairs) == lost
+    assert (told_kind([telemetry(0.01, 300.0)], None, pairs) == 'mechanical_axis') == lost

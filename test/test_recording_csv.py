@@ -366,6 +366,11 @@ def test_wrapped_angle_is_made_continuous(tmp_path: Path) -> None:
         ('0,1,2\n1,2,3\n', 'no header line'),
         ('a,b,c\n0,1,2\n', r'no column is understood as a time.*a, b, c'),
         ('t_s,q_ref_m,q_m,u_V\n0,1,2,3\n', r"(?s)understood as a signal.*voltage: {column: 'u_V'"),
+        ('t,ref_rpm,meas_rpm,pwm\n0,1,2,3\n', r"(?s)speed: {column: 'meas_rpm'.*voltage: {"),
+        (
+            'ms_today;input_voltage;q_axis_current;erpm\n0;1;2;3\n',
+            r'understood as a time.*`--msg-config vesc` reads them.*VESC Tool',
+        ),
         ('time [s],speed [rpm],speed [rad/s]\n0,1,2\n', 'both mean speed'),
         ('time [s],speed [V]\n0,1\n', r'`speed` is given in `V`'),
         ('time [s],speed [furlong]\n0,1\n', r'column `speed \[furlong\]`: unit `furlong`'),

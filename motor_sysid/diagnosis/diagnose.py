@@ -77,7 +77,7 @@ def diagnose(
     tell = progress or (lambda text: None)
     asked = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
-    wanted = told_kind([*train, *validation], asked)
+    wanted = told_kind([*train, *validation], asked, known)
     records, held = prepared_parts(train, validation, wanted, known)
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)

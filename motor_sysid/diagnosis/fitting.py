@@ -158,7 +158,7 @@ def bench_of(
     """Return the data, prepared, and the model: the given one, or a fitted linear one."""
     asked = model.motor if model else motor
     known = model.parameters.values() if model else nominal
-    wanted = told_kind([*train, *validation], asked)
+    wanted = told_kind([*train, *validation], asked, known)
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
     refuse_model_at_rest(model, records)

@@ -167,7 +167,7 @@ def drive(model: Model) -> Drive:
     torque = inertia * plant.gain / plant.time_constant
     emf = (inertia / plant.time_constant - _named(model, 'b', 'k_v')) / torque
     signal = inputs_of(model)[0]
-    unit = {'torque': 'N m', 'force': 'N', 'current': 'A'}.get(signal, 'V')
+    unit = {'torque': 'N m', 'force': 'N', 'current': 'A', 'current_q': 'A'}.get(signal, 'V')
     return Drive(signal, unit, torque, max(emf, 0.0), plant.neglected)
 
 

@@ -1,6 +1,6 @@
 """Understand CSV headers that bear their unit: ``speed [rad/s]``, ``speed_rad_s``, ``t_s``."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, replace
 import re
 
@@ -27,11 +27,16 @@ SUFFIXES = {
     'm': 'm', 'mm': 'mm', 'm_s': 'm/s', 'm_per_s': 'm/s', 'mm_s': 'mm/s', 'n': 'N', 'nm': 'N m',
     'n_m': 'N m', 'mn_m': 'mN m', 'c': 'degC', 'degc': 'degC', 'percent': '%',
 }  # fmt: skip
+_WANTED = {'speed': 'speed_reference', 'position': 'position_reference'}
+_WANTING = {'ref', 'reference', 'cmd', 'command', 'goal', 'target', 'set', 'setpoint', 'desired'}
+"""Words in the headers of what was wanted."""
 USUAL = {
     's': TIME, 'V': 'voltage', 'A': 'current', 'rad/s': 'speed', 'm/s': 'speed', 'rad': 'position',
     'm': 'position', 'N': 'force', 'N m': 'torque', 'degC': 'temperature',
 }  # fmt: skip
 """Signal that usually has an SI unit, for examples in messages."""
+_DRIVING, _MOVING = {'voltage', 'duty', 'force', 'torque', 'current'}, {'speed', 'position'}
+"""Signals of which an example names one at least."""
 COLUMN = 'COLUMN'
 """Stands in examples for a header that the user has to name."""
 SI_TIME = 's'
@@ -68,7 +73,10 @@ def understand(column: str, columns: Sequence[str]) -> Heading | None:
 
 
 def config_from_headers(
-    origin: str, columns: Sequence[str], dated: Collection[str] = ()
+    origin: str,
+    columns: Sequence[str],
+    dated: Collection[str] = (),
+    said_of_shipped: Callable[[Sequence[str]], str] = lambda _: '',
 ) -> tuple[MsgConfig, list[Finding]]:
     """Return the msg_config that the headers of a CSV amount to.
 
@@ -80,6 +88,8 @@ def config_from_headers(
         Its headers.
     dated:
         Those of columns that hold dates; a time without unit is read as such.
+    said_of_shipped:
+        Says which msg_config file that ships with the package fits such headers, if any.
 
     Raises
     ------
@@ -95,7 +105,8 @@ def config_from_headers(
     signals = [heading for heading in headings if heading.signal != TIME and heading not in counts]
     if time is None or not signals:
         missing = 'time' if time is None else 'signal'
-        raise UserError(_help(origin, columns, headings, missing, dated))
+        ready = said_of_shipped(columns)
+        raise UserError(_help(origin, columns, headings, missing, dated, ready))
     if time.unit not in {'', ISO} and parse_unit(time.unit).si != SI_TIME:
         raise UserError(f'{origin}: column `{time.column}` is no time; use s, ms, us or ns')
     sources = {}
@@ -191,9 +202,12 @@ def _unscaled(headings: Sequence[Heading]) -> list[Finding]:
 
 def _help(
     origin: str, columns: Sequence[str], headings: Sequence[Heading], missing: str,
-    dated: Collection[str],
+    dated: Collection[str], ready: str,
 ) -> str:  # fmt: skip
-    """Return the error for headers that are not understood, with the YAML that would help."""
+    """Return the error for headers that are not understood, with what would help.
+
+    That is YAML, and before it what is said of a msg_config file that is `ready`, if any.
+    """
     understood = [heading.column for heading in headings]
     known = _guesses([column for column in columns if column not in understood])
     if dated:
@@ -206,16 +220,17 @@ def _help(
     for signal, (column, unit) in known.items():
         unit = unit.strip('-') or BY_NAME[signal].units[0]
         lines.append(f'  {signal}: {{column: {quoted(column)}, unit: {quoted(unit)}}}')
-    if not known:
+    if not known.keys() & _DRIVING:
         lines += [f'  voltage: {{column: {COLUMN}, unit: V}}']
+    if not known.keys() & _MOVING:
         lines += [f'  speed: {{column: {COLUMN}, unit: rad/s}}']
     yaml = '\n  '.join(lines)
     hint = f' (with headers in place of {COLUMN})' if f'column: {COLUMN}' in yaml else ''
     return (
         f'{origin}: no column is understood as a {missing}; its columns are '
-        f'{", ".join(columns)}. Write headers with units (`time [s],voltage [V],current [A],'
-        'speed [rad/s],position [rad]`), or say what the columns are in a msg_config file, given '
-        f'with --msg-config FILE, for example{hint}\n  {yaml}'
+        f'{", ".join(columns)}. {ready}Write headers with units (`time [s],'
+        'voltage [V],current [A],speed [rad/s],position [rad]`), or say what the columns are in a '
+        f'msg_config file, given with --msg-config FILE, for example{hint}\n  {yaml}'
     )
 
 
@@ -225,9 +240,16 @@ def _guesses(columns: Sequence[str]) -> dict[str, tuple[str, str]]:
     for column in sorted(columns, key=len):
         unit = _unit_of(column)
         signal = 'duty' if unit == '%' else USUAL.get(_si(unit), '')
+        if signal in _WANTED and _is_wanted(column):
+            signal = _WANTED[signal]
         if signal:
             found.setdefault(signal, (column, unit))
     return found
+
+
+def _is_wanted(column: str) -> bool:
+    """Tell whether a header speaks of what was wanted, not measured."""
+    return not _WANTING.isdisjoint(re.split(r'[_\W]+', _parts(column)[0]))
 
 
 def _unit_of(column: str) -> str:

@@ -11,7 +11,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.recording.arrays import read_arrays, SUFFIXES
 from motor_sysid.recording.bag_rows import rows_of_bag
 from motor_sysid.recording.headers import config_from_headers
-from motor_sysid.recording.msg_config import load_msg_config
+from motor_sysid.recording.msg_config import load_msg_config, said_of_shipped
 from motor_sysid.recording.rosbag import Bag, is_bag
 from motor_sysid.recording.rows import records_from, Rows
 from motor_sysid.recording.sources import MsgConfig, Source
@@ -105,7 +105,9 @@ def _load_table(path: Path, config: MsgConfig | None) -> Loaded:
     table = read_arrays(path) if path.suffix.lower() in SUFFIXES else read_table(path)
     findings: list[Finding] = []
     if config is None:
-        config, findings = config_from_headers(str(path), table.names, table.dated)
+        config, findings = config_from_headers(
+            str(path), table.names, table.dated, said_of_shipped
+        )
     parts, chosen = rows_of_table(table, config)
     origins = {name: source.describe() for name, source in chosen.items()}
     return _finished(path, config, parts, origins, [*findings, *table.findings])

@@ -17,7 +17,7 @@ from motor_sysid.recording.sources import (
     Source,
     TimeColumn,
 )
-from motor_sysid.resources import shipped_file
+from motor_sysid.resources import shipped_directory, shipped_file
 from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.units import did_you_mean, parse_unit
 
@@ -31,6 +31,8 @@ TIME_KEYS = ('column', 'step', 'unit')
 WRAPPING = ('position', 'position_reference')
 GEARED = (*DIVIDED_BY_GEAR, *MULTIPLIED_BY_GEAR)
 CONDITION_KEYS = ('field', 'is', 'is_not')
+LEAST_READ = 2
+"""Signals of a table that a shipped file must read to be proposed for it."""
 
 Table = Mapping[str, object]
 
@@ -61,6 +63,27 @@ def load_msg_config(name: str | Path) -> MsgConfig:
     except (UnicodeDecodeError, OSError) as error:
         raise UserError(f'{path} cannot be read: {error}') from None
     return parse_msg_config(content, str(path))
+
+
+def said_of_shipped(columns: Collection[str]) -> str:
+    """Say which shipped msg_config file fits the headers of a table, or nothing.
+
+    It reads the time and two signals at least; of several the one that reads most.
+    """
+    files = sorted(shipped_directory('msg_config').glob('*.yaml'))
+    fits = [(load_msg_config(file), file.stem) for file in files]
+    config, name = max(fits, key=lambda fit: _count_read(fit[0], columns))
+    if _count_read(config, columns) < LEAST_READ:
+        return ''
+    return f'`--msg-config {name}` reads them, if that is what they are ({config.description}). '
+
+
+def _count_read(config: MsgConfig, columns: Collection[str]) -> int:
+    """Return how many signals of a msg_config stand in a table; 0 if its time does not."""
+    if config.time is None or config.time.column not in columns:
+        return 0
+    read = ([s.column in columns for s in sources] for sources in config.sources.values())
+    return sum(any(found) for found in read)
 
 
 def parse_msg_config(content: object, origin: str = 'msg_config') -> MsgConfig:

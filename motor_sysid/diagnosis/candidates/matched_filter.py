@@ -160,8 +160,8 @@ class Matched:
             path = stretch.path
             if 'theta' not in path or (by and by not in path):
                 return np.zeros(TOP_ORDER + 1)
-            if not np.all(np.isfinite(path['theta'])):  # the model has run away
-                return np.zeros(TOP_ORDER + 1)
+            if not all(np.all(np.isfinite(values)) for values in path.values()):
+                return np.zeros(TOP_ORDER + 1)  # the model has run away
             turned += float(np.ptp(path['theta']))
             carriers = np.stack([self._carrier(one, force, path) for force in self._forces])
             carriers = carriers * path[by] if by else carriers

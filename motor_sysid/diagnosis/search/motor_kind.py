@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 import math
+from types import MappingProxyType
 
 from motor_sysid.diagnosis.search.standstill import stands_still, words_of_standstill
 from motor_sysid.errors import UserError
@@ -16,14 +17,42 @@ from motor_sysid.signals.record import Record
 FAST_FIELD, WELL_SEEN = 1.5, 0.5
 """Electrical angle from sample to sample that is told, and one that records show well, rad."""
 
+LOST_FIELD = 2.0 * math.pi
+"""The same from which on a motor is fitted as a mechanical axis, unless another kind is asked for.
+A voltage that turns that far in a sample is a mean, and each sample would take dozens of steps."""
 
-def told_kind(records: Sequence[Record], wanted: str | None) -> str | None:
-    """Return the motor kind that is wanted, else the one that the signals of all records tell."""
+AXIS = 'mechanical_axis'
+NOTHING: Mapping[str, float] = MappingProxyType({})
+_OF_FIELD = ('voltage_d', 'voltage_q', 'current_q')
+
+
+def told_kind(
+    records: Sequence[Record], wanted: str | None, known: Mapping[str, float] = NOTHING
+) -> str | None:
+    """Return the motor kind that is wanted, else the one that the records tell, if they do.
+
+    That is the kind whose own signals all of them have; or the axis alone, driven by the q
+    current, where the field is too fast for the samples (`is_field_lost`) with the parameters that
+    are `known`.
+    """
     told = (
         key for key, kind in motors().items()
         if kind.tells and all(name in r for name in kind.tells for r in records)
     )  # fmt: skip
-    return wanted or next(told, None)
+    alone = AXIS if is_field_lost(records, known) else None
+    return wanted or next(told, alone)
+
+
+def is_field_lost(records: Sequence[Record], known: Mapping[str, float] = NOTHING) -> bool:
+    """Tell whether records with d and q hold no more of the electrical side of the motor.
+
+    Its field turns by more than a whole turn from sample to sample, with one pole pair if more are
+    not known.
+    """
+    if not all(name in record for name in _OF_FIELD for record in records):
+        return False
+    pairs = known.get('pole_pairs', 1.0)
+    return any(pairs * top_speed(record) * record.dt > LOST_FIELD for record in records)
 
 
 def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
@@ -116,7 +145,17 @@ def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple
     """Say what a fit to records makes no use of, and what comes of a rotor that stands still."""
     still = bool(kind.currents) and stands_still(records)
     said = (words_of_standstill(kind),) if still else ()
+    if kind.key == AXIS and not wanted and all(n in r for n in _OF_FIELD for r in records):
+        said = (_ALONE,)
     return (*passed_over(records, lambda some: used_signals(some, wanted)), *said)
+
+
+_ALONE = (
+    'the field turns on by more than a turn from sample to sample: the mechanical side is fitted '
+    'alone, with the q current as what drives it, so torques are in ampere and inertia and '
+    'friction are per torque constant. To do: for the electrical side, record faster '
+    '(`--motor pmsm` tries with these data, and takes long)'
+)
 
 
 def remarks_on_field(
@@ -134,6 +173,6 @@ def remarks_on_field(
         f'the field turns on by {math.degrees(turn):.0f} degrees from sample to sample at the '
         'highest speed: a voltage that a drive changes in between, and is held here, tells little '
         'of the currents, and each sample takes many steps of simulation. To do: record at '
-        f'{wanted} Hz, or slower motion; or give the torque of the currents as `torque` '
-        '(`--motor mechanical_axis`)',
+        f'{wanted} Hz, or slower motion; or fit the mechanical side alone, '
+        'driven by the q current (`--motor mechanical_axis`)',
     )

@@ -4,8 +4,8 @@
     dtheta/dt   = omega
 
 For a linear axis read mass for ``J``, force for torque, speed and position in m/s and m.  With a
-current as input the gain is the torque constant; only ``J / gain`` and ``b / gain`` can be seen
-then, so the gain stays at its given value.
+current as input (that of a brushed motor, or the q current) the gain is the torque constant; only
+``J / gain`` and ``b / gain`` can be seen then, so the gain stays at its given value.
 """
 
 from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Record
 
-INPUTS = (('torque',), ('force',), ('current',))
+INPUTS = (('torque',), ('force',), ('current',), ('current_q',))
 
 
 def matrices(values: Values) -> Matrices:

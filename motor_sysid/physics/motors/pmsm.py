@@ -169,7 +169,8 @@ def _pole_pairs(records: Sequence[Record]) -> float:
     if not (0.7 < pairs < 64 and abs(pairs - round(pairs)) < _ROUND):
         raise UserError(
             'these records do not tell the pole pairs of the motor; give them: `pole_pairs` in '
-            'the data sheet (--nominal) or in the model'
+            'the data sheet (--nominal) or in the model; or fit the mechanical side alone, driven '
+            'by the q current (--motor mechanical_axis)'
         )
     return float(round(pairs))
 

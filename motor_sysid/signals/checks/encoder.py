@@ -74,7 +74,10 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
 
 
 def _unit_by_counts(record: Record, encoder: Encoder) -> Iterator[Finding]:
-    """Find the unit of a speed from its steps: one count per sample must divide the turn."""
+    """Find the unit of a speed from its steps: one count per sample must divide the turn.
+
+    Steps of 0.01 may as well be those of printed numbers.
+    """
     if not (np.isfinite(encoder.step) and record.is_uniform and is_angular(record)):
         return
     counts = {
@@ -83,14 +86,15 @@ def _unit_by_counts(record: Record, encoder: Encoder) -> Iterator[Finding]:
     whole = [unit for unit, count in counts.items() if _is_round(count)]
     if not whole or _is_whole(counts['rad/s']):
         return
-    unit = whole[0]
+    unit, rounded = whole[0], _is_rounding(encoder.step)
     yield Finding(
-        Severity.ERROR, 'speed_unit',
-        f'speed seems to be in {unit}, not rad/s: its steps of {encoder.step:.6g} at '
-        f'{1 / record.dt:.6g} Hz are one count of {counts[unit]:.0f} per turn in {unit}, but of '
-        f'{counts["rad/s"]:.2f} in rad/s',
+        Severity.WARNING if rounded else Severity.ERROR, 'speed_unit',
+        f'speed {"may" if rounded else "seems to"} be in {unit}, not rad/s: its steps of '
+        f'{encoder.step:.6g} at {1 / record.dt:.6g} Hz are one count of {counts[unit]:.0f} per '
+        f'turn in {unit}, but of {counts["rad/s"]:.2f} in rad/s'
+        + ('; unless its numbers are rounded to that place' if rounded else ''),
         'back-EMF constant, inertia and friction would come out wrong by that factor',
-        f'write the header as `speed [{unit}]`, or `unit: {unit}` in a msg_config file',
+        f'write the header as `speed [{unit}]`, or `unit: {unit}` in a msg_config file, if it is',
         {'counts_per_turn': counts[unit], 'step': encoder.step},
     )  # fmt: skip
 
@@ -103,6 +107,12 @@ def _is_round(count: float) -> bool:
     """Tell whether encoders are made with that number: lines times four, or a power of two."""
     whole = round(count)
     return _is_whole(count) and whole % 4 == 0 and (whole % 20 == 0 or whole % 64 == 0)
+
+
+def _is_rounding(step: float) -> bool:
+    """Tell whether a step is that of a decimal place (0.01), as of numbers that are printed."""
+    places = np.log10(step)
+    return bool(abs(places - np.round(places)) < 1e-6)
 
 
 def _refined(values: Array, step: float) -> float:

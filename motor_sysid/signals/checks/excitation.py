@@ -28,6 +28,9 @@ SPREAD, FROM_START = 0.05, 0.3
 """Spread of the speed, and difference of its first samples from its median, over its top speed,
 either of which tells that a motor under a constant input starts or stops.  After a long time at
 one speed only the second does."""
+STEADY, SWINGS = 0.1, 3
+"""Range of a voltage, as a share of it, that is hardly any; and how often a motor must reverse, or
+go from slow to fast or back, to say that such a voltage does not drive it."""
 ONE_WAY = 0.01
 """Least share of the motion that must go the other way."""
 
@@ -36,6 +39,7 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     """Look at which speeds, directions and inputs occur, over all records together."""
     yield from _present(records)
     yield from _constant_input(records)
+    yield from _voltage_of_supply(records)
     pairs = [(record, speed) for record in records if (speed := speed_of(record)) is not None]
     if pairs:
         yield from _motion([record for record, _ in pairs], [speed for _, speed in pairs])
@@ -132,6 +136,37 @@ def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:
         'vary the input: steps of random height, both directions, some seconds',
         {'value': float(records[0][name][0])},
     )  # fmt: skip
+
+
+def _voltage_of_supply(records: Sequence[Record]) -> Iterator[Finding]:
+    """Look for a voltage that hardly varies while the speed reverses, or goes up and down."""
+    measured = [record for record in records if 'voltage' in record and 'duty' not in record]
+    volts = [record['voltage'] for record in measured]
+    every = np.concatenate(volts) if volts else np.zeros(1)
+    low, high = float(np.min(every)), float(np.max(every))
+    if not (0.0 < high - low < STEADY * min(abs(low), abs(high)) and low * high > 0.0):
+        return
+    speeds = [speed for record in measured if (speed := speed_of(record)) is not None]
+    turning = sum(_reversals(s, SLOWLY * np.max(np.abs(s), initial=0.0)) for s in speeds)
+    swings = sum(_swings(np.abs(s)) for s in speeds)
+    if turning < SWINGS and swings < SWINGS:
+        return
+    does = 'reverses' if turning else 'goes from slow to fast and back'
+    yield Finding(
+        Severity.ERROR if turning else Severity.WARNING, 'voltage_of_supply',
+        f'voltage is {low:.6g} to {high:.6g} V all the time, yet the motor {does}',
+        'this seems to be the voltage of the supply, not that across the motor',
+        'call it `supply_voltage` and record the duty cycle, too (a share of it, -1 to 1), or '
+        'record the voltage across the motor',
+        {'low': low, 'high': high},
+    )  # fmt: skip
+
+
+def _swings(size: Array) -> int:
+    """Count how often a speed without sign goes from slow to fast or back."""
+    top = float(np.quantile(size, 0.99))
+    states = np.where(size > 0.7 * top, 1, np.where(size < 0.3 * top, -1, 0))
+    return _reversals(states[states != 0].astype(np.float64), 0.0) if top > 0 else 0
 
 
 def _motion(records: Sequence[Record], speeds: Sequence[Array]) -> Iterator[Finding]:

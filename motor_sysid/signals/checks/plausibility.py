@@ -215,10 +215,10 @@ def _magnitude(record: Record, k_e: float | None) -> Iterator[Finding]:
     seen = f', with a back-EMF constant of {apparent:.2g} V s/rad' if apparent is not None else ''
     yield Finding(
         Severity.WARNING, 'speed_unit',
-        f'speed reaches {top:.4g} rad/s ({top / RPM:.0f} rpm){seen}, which hardly any motor does; '
-        f'it may be in rpm or deg/s',
+        f'speed reaches {top:.4g} rad/s ({top / RPM:.0f} rpm){seen}, which few motors do; unless '
+        'yours does, the unit is wrong',
         'back-EMF constant, inertia and friction would come out wrong by that factor',
-        'check the unit of the sensor; write it in the header or in a msg_config file',
+        'if it is in rpm or deg/s, say so in the header or in a msg_config file',
         {'top_rad_s': top, **({'k_e': apparent} if apparent is not None else {})},
     )  # fmt: skip
 
