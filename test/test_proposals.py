@@ -6,7 +6,7 @@ import pytest
 from motor_sysid.benchmark.plant import Plant
 from motor_sysid.benchmark.sensors import measure, Sensors
 from motor_sysid.benchmark.truth import Control, run
-from motor_sysid.diagnosis.candidates.proposals import proposals
+from motor_sysid.diagnosis.candidates.proposals import _lacks, _turning, proposals
 from motor_sysid.estimation.batch import (
     Linearization,
     make_chain,
@@ -77,6 +77,26 @@ def test_the_frequency_of_a_load_is_found(frequency):
 def test_the_order_of_a_ripple_is_found_under_currents_of_both_signs():
     record = a_record(ripple=0.1, ripple_order=12.0)
     assert 12.0 in proposed('torque_ripple', [record])
+
+
+@pytest.mark.parametrize('stalls', [False, True])
+def test_the_order_of_a_wave_stands_out_of_the_unexplained_torque(stalls):
+    """Cogging of 2 % of the largest torque; and shocks of a hundred times that in some samples."""
+    record = a_record(cogging=2e-3, order=23.0)
+    if stalls:
+        places = np.random.default_rng(3).integers(0, len(record), 40)
+        current = record['current'].copy()
+        current[places] += 5.0
+        record = record.with_signal('current', current, 'A')
+    model = Model.base('brushed_dc', BASE, speed_sensor=SpeedSensor.DIFFERENCE)
+    lacks = _lacks(model, [record], 'torque')
+    assert _turning(catalogue()['cogging_torque'], 'torque', lacks) == (23,)
+
+
+def test_no_order_stands_out_of_a_complete_motor():
+    model = Model.base('brushed_dc', BASE, speed_sensor=SpeedSensor.DIFFERENCE)
+    lacks = _lacks(model, [a_record()], 'torque')
+    assert _turning(catalogue()['cogging_torque'], 'torque', lacks) == ()
 
 
 def test_few_values_are_proposed():

@@ -60,20 +60,22 @@ class Stepper:
         self._x = np.repeat(np.array(start)[:, np.newaxis], LANES, axis=1)
         self._program.begin(self._workspace, self._x)
         self._count = 0
+        self._shown: dict[str, float] = {}
 
     def step(self, u: float | Sequence[float]) -> None:
         """Advance one sample under the held input `u` (n_u values, or one number)."""
         self._history[:-1] = self._history[1:]
         self._history[-1] = u
         self._keep_pace()
-        self._advance(self._history, self._x)
+        self._advance(self._history, self._x, self._steps)
         self._count += 1
+        self._shown = {}
 
-    def _advance(self, history: Array, x: Array) -> None:
-        """Run one sample on from the state `x` (n, 32) and note what was shown at its start."""
+    def _advance(self, history: Array, x: Array, steps: int) -> None:
+        """Run `steps` on from the state `x` (n, 32) and note what was shown at their start."""
         start = (self._count - len(history) + 1) * self.dt
         drive, last = Drive(history, self.dt, start), len(history) - 1
-        self._program.advance(self._workspace, x, drive, self._steps, self._outputs, last)
+        self._program.advance(self._workspace, x, drive, steps, self._outputs, last)
 
     def _keep_pace(self) -> None:
         """Take as many substeps as the speed asks for."""
@@ -103,7 +105,11 @@ class Stepper:
         if not self._program.has_sensors:
             state, told = self.state, self.model.kind.outputs
             return {o.signal: state[o.state] + self._biases[o.signal] for o in told}
-        kept = self._workspace.buffer.copy()
-        self._advance(np.concatenate((self._history[1:], self._history[-1:])), self._x.copy())
-        self._workspace.buffer[:] = kept
-        return dict(zip(self._program.outputs, self._outputs[0, :, 0].tolist(), strict=True))
+        if not self._shown:
+            kept = self._workspace.buffer.copy()
+            history = np.concatenate((self._history[1:], self._history[-1:]))
+            self._advance(history, self._x.copy(), 1)
+            self._workspace.buffer[:] = kept
+            shown = self._outputs[0, :, 0].tolist()
+            self._shown = dict(zip(self._program.outputs, shown, strict=True))
+        return dict(self._shown)

@@ -11,7 +11,7 @@ The linear motor stands for the model: friction that sticks or a backlash in it 
 little blunter, not wrong, for what stands out is simulated with the whole model afterwards.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -119,8 +119,8 @@ class Matched:
         contrast:
             Least ratio of what an order explains to what its neighbours do (their median).
         """
-        lowest = 1 if one is None else self._lowest(one)
-        return _highest(self.order_gains(one), lowest, contrast)[:count]
+        lowest = 1 if one is None else fewest(one)
+        return highest(self.order_gains(one), lowest, contrast)[:count]
 
     def clearest(self, one: Effect) -> tuple[int, ...]:
         """Return the waves per turn that stand out most of their neighbours, if any do by much.
@@ -129,7 +129,7 @@ class Matched:
         one leaves, and the best of hundreds of those may explain more than that one.
         """
         gains = self.order_gains(one)
-        peaks = _highest(np.where(gains < SEEN, 0.0, gains), self._lowest(one), STANDS_OUT)
+        peaks = highest(np.where(gains < SEEN, 0.0, gains), fewest(one), STANDS_OUT)
         apart = gains / np.maximum(surroundings(gains, _BESIDE), 1e-300)
         return (max(peaks, key=lambda n: apart[n]),) if peaks else ()
 
@@ -140,7 +140,7 @@ class Matched:
         """
         gains = self.order_gains(by=by)
         gains[gains < SEEN] = 0.0
-        return _highest(gains, 2, STANDS_OUT)[:count]
+        return highest(gains, 2, STANDS_OUT)[:count]
 
     def order_gains(self, one: Effect | None = None, *, by: str = '') -> Array:
         """Return (`TOP_ORDER` + 1,) the decrease of the whitened sum of squares by each order.
@@ -204,26 +204,34 @@ class Matched:
                 apart.append(k)
         return tuple(_summit(gains, k) * step for k in apart[:count])
 
-    @staticmethod
-    def _lowest(one: Effect) -> int:
-        """Return the fewest waves per turn that an effect may have."""
-        lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
-        return max(round(lower), 1)
-
     def _carrier(self, one: Effect | None, force: str, path: Path) -> Array:
-        """Return (N,) what an effect's cosine is multiplied by: its law at no waves per turn."""
+        """Return (N,) what an effect's cosine is multiplied by."""
         size = path['t'].size
         if one is None:
             return np.full(size, float(force == 'torque'))
         if force not in one.laws:
             return np.zeros(size)
-        known: dict[str, Array | float] = {**self._problem.model.parameters.values(), **path}
-        known.update({a.name: 0.0 for a in one.card.amplitudes})
-        known[one.card.amplitudes[0].name] = 1.0
-        known[one.card.orders] = 0.0
-        law = one.laws[force]
-        found = law(*[known[name] for name in arguments(law)])
-        return np.broadcast_to(np.asarray(found, dtype=float), (size,))
+        return carrier_of(one, force, {**self._problem.model.parameters.values(), **path}, size)
+
+
+def fewest(one: Effect) -> int:
+    """Return the fewest waves per turn that an effect may have."""
+    lower = next(s.lower for s in one.card.shapes if s.name == one.card.orders)
+    return max(round(lower), 1)
+
+
+def carrier_of(
+    one: Effect, force: str, known: Mapping[str, Array | float], size: int
+) -> Array:
+    """Return (N,) what an effect's cosine is multiplied by: its law at no waves per turn.
+
+    `known` holds all that the law may ask for, but for the effect's own parameters.
+    """
+    given = {**known, **{a.name: 0.0 for a in one.card.amplitudes}}
+    given |= {one.card.amplitudes[0].name: 1.0, one.card.orders: 0.0}
+    law = one.laws[force]
+    found = law(*[given[name] for name in arguments(law)])
+    return np.broadcast_to(np.asarray(found, dtype=float), (size,))
 
 
 def _noise(near: Sequence[Linearization]) -> Weighting:
@@ -303,7 +311,7 @@ def _peaks(gains: Array) -> NDArray[np.bool_]:
     return (gains > 0.0) & (gains >= padded[:-2]) & (gains >= padded[2:])
 
 
-def _highest(gains: Array, lowest: int, contrast: float) -> tuple[int, ...]:
+def highest(gains: Array, lowest: int, contrast: float) -> tuple[int, ...]:
     """Return where gains have peaks that stand out, from a place on, the highest first."""
     above = gains > contrast * surroundings(gains, _BESIDE)
     above[:lowest] = False

@@ -2,8 +2,8 @@
 
 Moments are looked for in the unexplained force, where the gain of a law that sets in at any moment
 is one pass over the data; waves per turn and frequencies by a matched filter
-(`motor_sysid.diagnosis.candidates.matched_filter`).  What stands out is then tried in simulation
-like any other start.
+(`motor_sysid.diagnosis.candidates.matched_filter`), and waves per turn in the unexplained force,
+too.  What stands out is then tried in simulation like any other start.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,8 +13,15 @@ from functools import cache
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.candidates.matched_filter import Matched
+from motor_sysid.diagnosis.candidates.matched_filter import (
+    carrier_of,
+    fewest,
+    highest,
+    Matched,
+    TOP_ORDER,
+)
 from motor_sysid.diagnosis.candidates.reference_rhythm import Rhythms
+from motor_sysid.diagnosis.candidates.turns import add_energy, add_waves, by_length
 from motor_sysid.diagnosis.where.equation_errors import (
     measured_states,
     rates_of,
@@ -29,7 +36,14 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 MOMENTS, FREQUENCIES, ORDERS = 2, 3, 4
-"""How many of each are tried; of orders up to two more, see `Matched`."""
+"""How many of each are tried; of orders up to four more, see `Matched` and `_turning`."""
+
+PROUD = 15.0
+"""How much more of an unexplained force than its neighbours a number of waves per turn must
+explain to be tried: of 400 numbers in white noise one does so in a record of a hundred."""
+
+CLIPPED = 5.0
+"""Largest unexplained force that counts, in units of its median: 3.4 standard deviations."""
 
 _GRID = 2000
 _APART = 0.05
@@ -75,29 +89,51 @@ def proposals(
     matched = cache(lambda: Matched(problem, near))
     plain = cache(lambda: Matched(problem, near, plain=True))
     rhythms = cache(lambda: Rhythms(records))
+    lacks = cache(lambda force: _lacks(model, records, force))
     found: dict[str, tuple[float, ...]] = {}
-    lacks: dict[str, list[_Lack]] = {}
     for one in map(model.kind.taking, effects):
         card = one.card
         if not model.lacks(one):
             continue
+        if not (card.orders or card.moment or card.frequency):
+            continue
+        force = next(f.name for f in model.kind.forces if f.name in one.laws)
         if card.orders:
             there = _waves(model, one)
             most, clearest = matched().orders(one, ORDERS), matched().clearest(one)
-            orders = dict.fromkeys((*most, *clearest, *plain().orders(one, 1)))
+            lacking = _turning(one, force, lacks(force))
+            orders = dict.fromkeys((*most, *clearest, *plain().orders(one, 1), *lacking))
             found[one.key] = tuple(float(n) for n in orders if not {n, 2 * n} & there)
-        if not card.moment and not card.frequency:
-            continue
-        force = next(f.name for f in model.kind.forces if f.name in one.laws)
         if card.moment:
-            if force not in lacks:
-                lacks[force] = _lacks(model, records, force)
-            found[one.key] = _moments(one, force, lacks[force], scales)
-        else:
+            found[one.key] = _moments(one, force, lacks(force), scales)
+        elif card.frequency:
             likely = (matched().frequencies(force, 4 * FREQUENCIES), plain().frequencies(force, 4))
             own = [[f for f in some if not rhythms().has(f)] for some in likely]
             found[one.key] = tuple(dict.fromkeys((*own[0][:FREQUENCIES], *own[1][:1])))
     return found
+
+
+def _turning(one: Effect, force: str, lacks: Sequence[_Lack]) -> tuple[int, ...]:
+    """Return the waves per turn that stand out most of an unexplained force, if any do.
+
+    What bends a slow motion only, and that much, is in the output error a slow wave at times,
+    which the noise model of the matched filter takes for noise.  Single large forces, as where the
+    motor stalls, count no more than others.
+    """
+    total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
+    own = {p.name for p in one.card.parameters}
+    needed = {'theta', *arguments(one.laws[force])} - own
+    turning = [lack for lack in lacks if needed <= lack.known.keys()]
+    if not turning:
+        return ()
+    size = CLIPPED * float(np.median(np.abs(np.concatenate([lack.force for lack in turning]))))
+    for lack in turning:
+        carrier = carrier_of(one, force, lack.known, lack.time.size)
+        theta, step = np.asarray(lack.known['theta']), np.abs(np.asarray(lack.known['turn']))
+        add_waves(theta, step, np.clip(lack.force, -size, size) * carrier, total)
+        add_energy(*by_length(step, carrier**2), np.ones(2), energy)
+    gains = np.abs(total) ** 2 / np.maximum(energy, 1e-300)
+    return highest(gains, fewest(one), PROUD)[:2]
 
 
 def _waves(model: Model, one: Effect) -> set[int]:
