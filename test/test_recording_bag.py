@@ -499,6 +499,17 @@ def test_clocks_that_differ_are_noticed(tmp_path: Path) -> None:
         load(write_bag(tmp_path / 'b', topics))
 
 
+def test_a_machine_that_cannot_keep_up_has_no_clocks_that_differ(tmp_path: Path) -> None:
+    """Messages wait for 0 to 80 ms before they are recorded, those of one topic for 10 ms more."""
+    record = motor_record(2000)
+    topics = motor_topics(record, delay=lambda k: (k % 81) * MS)
+    kind, messages = topics['/motor/voltage']
+    topics['/motor/voltage'] = (kind, [(when + 10 * MS, data) for when, data in messages])
+    assert not {'clock_skew', 'clock_drift'} & codes(load(write_bag(tmp_path / 'bag', topics)))
+    topics['/motor/voltage'] = (kind, [(when + 100 * MS, data) for when, data in messages])
+    assert 'clock_skew' in codes(load(write_bag(tmp_path / 'more', topics)))
+
+
 def test_missing_values_and_wrong_types(tmp_path: Path) -> None:
     topics = motor_topics(motor_record(50))
     kind, messages = topics['/motor/speed']
