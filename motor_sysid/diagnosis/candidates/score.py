@@ -27,6 +27,9 @@ AR_ORDER = 12
 NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
 """Rows of long records that the noise model is fitted to, and the windows that they are in."""
 
+GROWN = 1.5
+"""How much larger than the residual what the dictionary leaves may be, at its root mean square."""
+
 EACH, PAIRS = 3, 6
 """Variants of each effect that are paired with others; pairs of effects that are told."""
 
@@ -126,9 +129,11 @@ def score(
     ]
     starts = [one.start for one in near]
     weighting = white([one.residual for one in near])
+    weighting = white([Problem.settled(one, weighting) for one in near])
+    size = weighting.sigma
     some, some_starts = _windows(raw), _windows(starts)
     for _ in range(PASSES if whitened else 0):
-        weighting = _whitened(some, some_starts, weighting)
+        weighting = _whitened(some, some_starts, weighting, size)
     first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)
     base = Base.of(whole, np.arange(1, first))
@@ -161,11 +166,15 @@ def _windows(parts: Sequence[Array]) -> list[Array]:
     return found
 
 
-def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weighting) -> Weighting:
+def _whitened(
+    raw: Sequence[Array], starts: Sequence[Array], weighting: Weighting, most: Array
+) -> Weighting:
     """Fit the noise model to what base parameters and the whole dictionary leave.
 
-    The first column of each `raw` (N, n_y, 1 + K) is the residual; where a stretch started is at
-    its best, too.
+    The first column of each `raw` (N, n_y, 1 + K) is the residual, of (n_y,) size `most`; where a
+    stretch started is at its best, too.  A noise model to which a drift is nothing lets the
+    dictionary, and the starts, leave drifts of any size: where more is left than there was, the
+    noise model stays as it is.
     """
     gram = weighting.gram(raw, starts)
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
@@ -178,7 +187,9 @@ def _whitened(raw: Sequence[Array], starts: Sequence[Array], weighting: Weightin
         Linearization(error, part[:, :, :0], start, np.empty(0))
         for error, part, start in zip(rest, raw, starts, strict=True)
     ]
-    return coloured([Problem.settled(one, weighting) for one in left], AR_ORDER)
+    settled = [Problem.settled(one, weighting) for one in left]
+    size = np.sqrt(np.mean(np.concatenate(settled) ** 2, axis=0))
+    return weighting if np.any(size > GROWN * most) else coloured(settled, AR_ORDER)
 
 
 @dataclass(frozen=True)
