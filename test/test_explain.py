@@ -78,6 +78,17 @@ def test_a_torque_beyond_the_rated_one_is_not_plausible():
     assert 'hardly plausible' in odd.words
 
 
+def test_a_weight_that_the_motor_can_only_swing_is_plausible():
+    """A pendulum that a weak motor swings up."""
+    model = fitted({}).with_effect('gravity_load', {'tau_sin': 12e-3, 'tau_cos': 1e-4})
+    model = model.with_estimates({}, {f'gravity_load.{n}': 1e-5 for n in ('tau_sin', 'tau_cos')})
+    found = tried('gravity_load', 'gravity load')
+    steps = [step(fitted({'b': 5e-5}), 5.0, (found,)), step(model, 1.0)]
+    (one,) = evidence_of(steps, records({}, ['steps'], 2.0), 0.6, {'rated_torque': 4e-3})
+    assert one.plausible
+    assert 'tau_sin is 3 times the rated torque: the motor can swing it, not hold it' in one.words
+
+
 def test_an_amplitude_that_cannot_be_told_from_zero_is_not_plausible():
     steps = ladder()
     steps[1] = step(with_friction({}, sigma=5e-3), 1.0)

@@ -10,6 +10,7 @@ from test_trials import prepared
 
 from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
 from motor_sysid.diagnosis.candidates.variants import variants
+from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.search import rounds
 from motor_sysid.diagnosis.search.bench import make_bench
 from motor_sysid.diagnosis.search.further import (
@@ -29,9 +30,10 @@ from motor_sysid.diagnosis.search.rounds import (
     unseen,
 )
 from motor_sysid.diagnosis.search.rung import climb, judge, slopes
-from motor_sysid.physics.effects import effect
+from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
+from motor_sysid.signals.record import Record
 
 
 def a_score(key, delta_bic, *, finite, inherits=False):
@@ -398,3 +400,40 @@ def test_what_a_wide_law_says_is_drawn_into_the_boxes_of_the_narrow_one():
     assert begun['flexible_shaft.w_a'] == 400.0
     assert (begun['R'], begun['flexible_shaft.r']) == (3.0, 0.8)
     assert begun.speed_sensor is SpeedSensor.DIFFERENCE
+
+
+def position_alone(count=1000, dt=0.005):
+    """Return a square wave of voltage and the counts of a motor with friction, at its limit."""
+    volts = 3.0 * np.where(np.arange(count) // 50 % 2 == 0, 1.0, -1.0)
+    speed, angle, position = 0.0, 0.0, np.zeros(count)
+    for k in range(count - 1):
+        for _ in range(20):
+            push = volts[k] - 0.037 * speed - 0.02 * np.tanh(speed / 0.5)
+            speed += dt / 20 * push / 0.00042
+            angle += dt / 20 * speed
+        position[k + 1] = angle
+    count_of = 2 * np.pi / 2048
+    signals = {'voltage': volts, 'position': np.floor(position / count_of) * count_of}
+    return Record(dt * np.arange(count), signals, {'voltage': 'V', 'position': 'rad'})
+
+
+def test_the_noise_of_a_position_is_no_larger_than_its_error():
+    """Drifts are nothing to its noise model, and the dictionary could leave any of them."""
+    bench, base = bench_of([position_alone()], (), None, None, {}, 0.2)
+    rung = climb(base, bench)
+    scores = scored(rung, bench, list(catalogue().values()), lambda _: None)
+    assert scores.weighting.sigma < rung.result.weighting.sigma
+    assert scores.singles[0].delta_bic > 1000.0
+
+
+def test_errors_as_they_are_do_not_hold_those_of_open_starts():
+    """A speed that is unknown at the start of each run errs by more than all that is missing."""
+    bench, base = bench_of([position_alone()], (), None, None, {}, 0.2)
+    rung = climb(base, bench)
+    problem = bench.problem(rung.model)
+    near = problem.linearize(problem.vector())
+    found = score(problem, problem.vector(), (), near, whitened=False)
+    alone = np.concatenate([one.residual for one in near])
+    settled = np.concatenate([problem.settled(one, found.weighting) for one in near])
+    assert found.weighting.sigma == pytest.approx(np.sqrt(np.mean(settled**2)), rel=1e-6)
+    assert found.weighting.sigma < 0.8 * np.sqrt(np.mean(alone**2))

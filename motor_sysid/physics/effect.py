@@ -122,6 +122,8 @@ class Amplitude:
     trials:
         Values to try, in units of the scale, where the law is far from linear in this parameter;
         empty where its derivative at zero tells what it does.
+    swings:
+        Whether a motor may well be weaker than this: a weight that it cannot hold, it can swing.
     """
 
     name: str
@@ -131,6 +133,7 @@ class Amplitude:
     limit: float = 10.0
     positive: bool = False
     trials: tuple[float, ...] = ()
+    swings: bool = False
 
 
 @dataclass(frozen=True)

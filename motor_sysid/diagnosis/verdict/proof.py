@@ -182,6 +182,8 @@ def _size(
     name = name.replace('torque', kind)
     yield (
         f'{card.name} is {100 * share:.2g} % of {name}.' if share <= LARGE
+        else f'{card.name} is {share:.2g} times {name}: the motor can swing it, not hold it.'
+        if card.swings
         else f'{card.name} is more than {name}: hardly plausible.'
     )  # fmt: skip
 

@@ -10,8 +10,10 @@ CARD = Card(
     reference='Siciliano et al., Robotics, 2009, section 7.2',
     enters=Enters.MECHANICAL,
     amplitudes=(
-        Amplitude('tau_sin', 'N m', 'torque a quarter turn from zero position', Scale.TORQUE),
-        Amplitude('tau_cos', 'N m', 'torque at zero position', Scale.TORQUE),
+        Amplitude(
+            'tau_sin', 'N m', 'torque a quarter turn from zero position', Scale.TORQUE, swings=True
+        ),
+        Amplitude('tau_cos', 'N m', 'torque at zero position', Scale.TORQUE, swings=True),
     ),
     axis='position',
     rotary=True,
