@@ -209,6 +209,15 @@ def test_a_node_that_dies_is_named_with_its_last_lines(tmp_path: Path) -> None:
     assert 'outside its range' in str(caught.value)
 
 
+def test_what_need_not_be_on_time_gives_way(tmp_path: Path) -> None:
+    mine = os.getpriority(os.PRIO_PROCESS, 0)
+    with node_processes(tmp_path) as processes:
+        for name, gives_way in (('pid', False), ('identifier', True)):
+            processes.start(name, {}, gives_way=gives_way)
+            its = os.getpriority(os.PRIO_PROCESS, processes.process_id(name))
+            assert its == min(mine + 5 * gives_way, 19)
+
+
 def is_running(process: Path) -> bool:
     """Tell whether a process of /proc is there and no zombie."""
     try:

@@ -119,11 +119,13 @@ def _start_nodes(
     processes: 'NodeProcesses', args: argparse.Namespace, motor: DemoMotor, out: Path
 ) -> None:
     gains = motor.gains()
-    processes.start('recorder', {'path': str(out / 'bag'), 'storage': args.storage})
+    bag = {'path': str(out / 'bag'), 'storage': args.storage}
+    processes.start('recorder', bag, gives_way=True)
     processes.start(
         'identifier',
         {'estimator': args.estimator, 'model_file': str(out / 'datasheet_model.yaml'),
          'diagnose_window': 0.4 * args.seconds, 'diagnose_period': args.seconds},
+        gives_way=True,
     )
     processes.start('pid', {
         'command': motor.command, 'kp': gains.kp, 'ki': gains.ki, 'voltage_limit': motor.supply,

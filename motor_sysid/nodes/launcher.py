@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 import ctypes
+from functools import partial
 import os
 from pathlib import Path
 import signal
@@ -22,6 +23,9 @@ PARTING = 15.0
 
 PARTICIPANTS = 32
 """Participants of a domain whose ports are looked at."""
+
+GIVING = 5
+"""Niceness of a node that gives way to others."""
 
 PR_SET_PDEATHSIG = 1
 
@@ -45,8 +49,14 @@ class NodeProcesses:
         self._running: dict[str, subprocess.Popen[bytes]] = {}
         folder.mkdir(parents=True, exist_ok=True)
 
-    def start(self, name: str, parameters: Mapping[str, Value]) -> None:
-        """Start the node ``motor_sysid.nodes.<name>`` with its parameters."""
+    def start(
+        self, name: str, parameters: Mapping[str, Value], *, gives_way: bool = False
+    ) -> None:
+        """Start the node ``motor_sysid.nodes.<name>`` with its parameters.
+
+        One that `gives_way` need not be on time: where there is too little of the processor for
+        all, the others get it.
+        """
         settings = self._folder / f'{name}.yaml'
         tree = {'/**': {'ros__parameters': dict(parameters)}}
         settings.write_text(yaml.safe_dump(tree), encoding='utf8')
@@ -57,7 +67,7 @@ class NodeProcesses:
         with self.log(name).open('wb') as log:
             self._running[name] = subprocess.Popen(
                 command, stdin=subprocess.DEVNULL, stdout=log, stderr=subprocess.STDOUT,
-                start_new_session=True, preexec_fn=_die_with_parent,
+                start_new_session=True, preexec_fn=partial(_begin, GIVING if gives_way else 0),
             )  # fmt: skip
 
     def process_id(self, name: str) -> int:
@@ -120,10 +130,11 @@ def _parting_order(name: str) -> int:
 _PRCTL = getattr(ctypes.CDLL(None), 'prctl', None)
 
 
-def _die_with_parent() -> None:
-    """Have the kernel send SIGTERM when the parent dies (Linux)."""
+def _begin(niceness: int) -> None:
+    """Have the kernel send SIGTERM when the parent dies (Linux), and be nice."""
     if _PRCTL is not None:
         _PRCTL(PR_SET_PDEATHSIG, signal.SIGTERM)
+    os.nice(niceness)
 
 
 def choose_domain() -> int:
