@@ -132,7 +132,10 @@ def _turning(one: Effect, force: str, lacks: Sequence[_Lack]) -> tuple[int, ...]
         theta, step = np.asarray(lack.known['theta']), np.abs(np.asarray(lack.known['turn']))
         add_waves(theta, step, np.clip(lack.force, -size, size) * carrier, total)
         add_energy(*by_length(step, carrier**2), np.ones(2), energy)
-    gains = np.abs(total) ** 2 / np.maximum(energy, 1e-300)
+    with np.errstate(over='ignore', invalid='ignore'):  # laws may run away on what is measured
+        gains = np.abs(total) ** 2 / np.maximum(energy, 1e-300)
+    if not np.all(np.isfinite(gains)):
+        return ()
     return highest(gains, fewest(one), PROUD)[:2]
 
 
