@@ -211,6 +211,14 @@ def test_a_steady_voltage_under_a_speed_that_comes_and_goes(times: int, told: bo
     assert ('voltage_of_supply' in found(record)) == told
 
 
+def test_a_steady_voltage_beside_a_torque_does_not_stop_anything() -> None:
+    """The bus voltage of a drive that tells its torque."""
+    bus = SPOILT['voltage of the supply'][2](GOOD)
+    assert found(bus)['voltage_of_supply'].severity == 'error'
+    torque = bus.with_signal('torque', 0.05 * bus['current'], 'N m')
+    assert found(torque)['voltage_of_supply'].severity == 'warning'
+
+
 def test_unit_of_a_smooth_speed_from_the_data_sheet() -> None:
     record = without('position')(GOOD)
     assert found(record, k_e=0.05) == {}

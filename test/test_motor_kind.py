@@ -137,7 +137,7 @@ def telemetry(dt: float, speed: float) -> Record:
 def test_where_the_field_is_lost_the_axis_alone_is_fitted() -> None:
     """At 20 Hz and 150 rad/s even one pole pair turns by more than a turn from row to row."""
     record = telemetry(0.05, 200.0)
-    assert is_field_lost([record])
+    assert is_field_lost(motor('pmsm'), [record], {})
     assert told_kind([record], None) == 'mechanical_axis'
     assert told_kind([record], 'pmsm') == 'pmsm'
     model = fit_model([record])
@@ -148,5 +148,5 @@ def test_where_the_field_is_lost_the_axis_alone_is_fitted() -> None:
 
 @pytest.mark.parametrize(('pairs', 'lost'), [({}, False), ({'pole_pairs': 7.0}, True)])
 def test_pole_pairs_that_are_known_count(pairs: dict[str, float], lost: bool) -> None:
-    assert is_field_lost([telemetry(0.01, 300.0)], pairs) == lost
+    assert is_field_lost(motor('pmsm'), [telemetry(0.01, 300.0)], pairs) == lost
     assert (told_kind([telemetry(0.01, 300.0)], None, pairs) == 'mechanical_axis') == lost

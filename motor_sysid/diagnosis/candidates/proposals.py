@@ -40,7 +40,7 @@ MOMENTS, FREQUENCIES, ORDERS = 2, 3, 4
 
 PROUD = 15.0
 """How much more of an unexplained force than its neighbours a number of waves per turn must
-explain to be tried: of 400 numbers in white noise one does so in a record of a hundred."""
+explain to be tried: in white noise one of 400 numbers does so in 12 records of 100."""
 
 CLIPPED = 5.0
 """Largest unexplained force that counts, in units of its median: 3.4 standard deviations."""

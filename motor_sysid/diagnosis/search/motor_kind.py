@@ -18,12 +18,10 @@ FAST_FIELD, WELL_SEEN = 1.5, 0.5
 """Electrical angle from sample to sample that is told, and one that records show well, rad."""
 
 LOST_FIELD = 2.0 * math.pi
-"""The same from which on a motor is fitted as a mechanical axis, unless another kind is asked for.
+"""The same from which on another kind takes the place of a motor's, unless its own is asked for.
 A voltage that turns that far in a sample is a mean, and each sample would take dozens of steps."""
 
-AXIS = 'mechanical_axis'
 NOTHING: Mapping[str, float] = MappingProxyType({})
-_OF_FIELD = ('voltage_d', 'voltage_q', 'current_q')
 
 
 def told_kind(
@@ -31,27 +29,31 @@ def told_kind(
 ) -> str | None:
     """Return the motor kind that is wanted, else the one that the records tell, if they do.
 
-    That is the kind whose own signals all of them have; or the axis alone, driven by the q
-    current, where the field is too fast for the samples (`is_field_lost`) with the parameters that
-    are `known`.
+    That is the kind whose own signals all of them have; or the axis alone, where the field is too
+    fast for the samples (`is_field_lost`) with the parameters that are `known`.
     """
     told = (
         key for key, kind in motors().items()
         if kind.tells and all(name in r for name in kind.tells for r in records)
     )  # fmt: skip
-    alone = AXIS if is_field_lost(records, known) else None
+    kind = _blurring(records)
+    alone = kind.blurred if kind and is_field_lost(kind, records, known) else None
     return wanted or next(told, alone)
 
 
-def is_field_lost(records: Sequence[Record], known: Mapping[str, float] = NOTHING) -> bool:
-    """Tell whether records with d and q hold no more of the electrical side of the motor.
+def _blurring(records: Sequence[Record]) -> Motor | None:
+    """Return the kind that all records fit and that another one may take the place of, if any."""
+    kinds = (kind for kind in motors().values() if kind.blurred)
+    return next((kind for kind in kinds if all(_fits(kind, r) for r in records)), None)
+
+
+def is_field_lost(kind: Motor, records: Sequence[Record], known: Mapping[str, float]) -> bool:
+    """Tell whether records hold no more of the electrical side of a motor.
 
     Its field turns by more than a whole turn from sample to sample, with one pole pair if more are
     not known.
     """
-    if not all(name in record for name in _OF_FIELD for record in records):
-        return False
-    pairs = known.get('pole_pairs', 1.0)
+    pairs = known.get(kind.wave, 1.0)
     return any(pairs * top_speed(record) * record.dt > LOST_FIELD for record in records)
 
 
@@ -145,8 +147,9 @@ def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple
     """Say what a fit to records makes no use of, and what comes of a rotor that stands still."""
     still = bool(kind.currents) and stands_still(records)
     said = (words_of_standstill(kind),) if still else ()
-    if kind.key == AXIS and not wanted and all(n in r for n in _OF_FIELD for r in records):
-        said = (_ALONE,)
+    blurring = None if wanted else _blurring(records)
+    if blurring and blurring.blurred == kind.key:
+        said = (_ALONE.format(blurring.key),)
     return (*passed_over(records, lambda some: used_signals(some, wanted)), *said)
 
 
@@ -154,7 +157,7 @@ _ALONE = (
     'the field turns on by more than a turn from sample to sample: the mechanical side is fitted '
     'alone, with the q current as what drives it, so torques are in ampere and inertia and '
     'friction are per torque constant. To do: for the electrical side, record faster '
-    '(`--motor pmsm` tries with these data, and takes long)'
+    '(`--motor {}` tries with these data, and takes long)'
 )
 
 

@@ -157,6 +157,9 @@ class Motor:
         Its only equation, where that is a balance of voltages under another name, or empty.
     unmeasured:
         Kind that takes its place where its currents were not all recorded, or empty.
+    blurred:
+        Kind that takes its place where its field turns by more than a turn from sample to sample,
+        or empty.
     terminals:
         Whether its resistance and inductance are those between two terminals of three.
     tells:
@@ -191,6 +194,7 @@ class Motor:
     foreign: tuple[str, ...] = ()
     balance: str = ''
     unmeasured: str = ''
+    blurred: str = ''
     terminals: bool = False
     tells: tuple[str, ...] = ()
     prepare: Callable[[Sequence[Record], Mapping[str, float]], list[Record]] | None = None

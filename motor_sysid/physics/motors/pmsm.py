@@ -278,5 +278,6 @@ MOTOR = Motor(
     shown=('current_offset_a', 'current_offset_b'),
     wave='pole_pairs',
     unmeasured='pmsm_q',
+    blurred='mechanical_axis',
     remark=remark,
 )

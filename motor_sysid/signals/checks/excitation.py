@@ -148,12 +148,13 @@ def _voltage_of_supply(records: Sequence[Record]) -> Iterator[Finding]:
         return
     speeds = [speed for record in measured if (speed := speed_of(record)) is not None]
     turning = sum(_reversals(s, SLOWLY * np.max(np.abs(s), initial=0.0)) for s in speeds)
-    swings = sum(_swings(np.abs(s)) for s in speeds)
-    if turning < SWINGS and swings < SWINGS:
+    reverses = turning >= SWINGS
+    if not reverses and sum(_swings(np.abs(s)) for s in speeds) < SWINGS:
         return
-    does = 'reverses' if turning else 'goes from slow to fast and back'
+    does = 'reverses' if reverses else 'goes from slow to fast and back'
+    other = any(name in record for name in ('torque', 'force') for record in measured)
     yield Finding(
-        Severity.ERROR if turning else Severity.WARNING, 'voltage_of_supply',
+        Severity.ERROR if reverses and not other else Severity.WARNING, 'voltage_of_supply',
         f'voltage is {low:.6g} to {high:.6g} V all the time, yet the motor {does}',
         'this seems to be the voltage of the supply, not that across the motor',
         'call it `supply_voltage` and record the duty cycle, too (a share of it, -1 to 1), or '

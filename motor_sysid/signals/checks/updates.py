@@ -28,7 +28,10 @@ COUNT = 1.5
 
 @dataclass(frozen=True)
 class Slow:
-    """A signal that is new in one sample of `period` only, every `seconds`; `about` so, or so."""
+    """A signal that is new in one sample of `period` only, every `seconds`.
+
+    Or, where that is only `about` so, at times of its own, after as many in the mean.
+    """
 
     name: str
     period: int
