@@ -316,6 +316,49 @@ def test_an_effect_of_the_user_takes_part(tmp_path, record):
         catalogue().pop('coupling_ripple', None)
 
 
+@pytest.mark.parametrize(
+    ('line', 'same'),
+    [
+        ('-m * omega if omega * omega > 4.0 else -m * omega', '-m * omega'),
+        ('-(omega // 3.0) * m', '-np.floor(omega / 3.0) * m'),
+        ('-m * math.erf(omega)', None),
+    ],
+)
+def test_a_law_that_vectors_do_not_go_through_is_called_for_each_number(
+    tmp_path, record, monkeypatch, line, same
+):
+    """One with a branch, say; a second process that finds it compiled does not try again."""
+    monkeypatch.setenv('MOTOR_SYSID_CACHE', str(tmp_path))
+    speeds, effects = [], []
+    for key, law in (('branching', line), ('straight', same or line)):
+        file = tmp_path / f'{key}.py'
+        file.write_text(
+            '"""A law."""\n'
+            'import math\n'
+            'import numpy as np\n'
+            'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+            'CARD = Card(title="a law", equation="-", symptom="-", reference="-",\n'
+            '    enters=Enters.MECHANICAL, axis="speed",\n'
+            '    amplitudes=(Amplitude("m", "N m s/rad", "-", Scale.ONE),))\n'
+            'def torque(omega, m):\n'
+            '    """Torque in N m."""\n'
+            f'    return {law}\n'
+        )
+        try:
+            effects.append(add_effect_file(file))
+            model = Model.base('brushed_dc', MOTOR).with_effect(key, {'m': 2e-5})
+            speeds.append(simulate(model, record).outputs['speed'])
+            plain = simulate(model.without_effect(key), record).outputs['speed']
+            assert np.std(speeds[-1] - plain) > 5e-3
+        finally:
+            catalogue().pop(key, None)
+    np.testing.assert_allclose(*speeds, rtol=1e-9, atol=1e-9)
+    (tried,) = set(tmp_path.glob('lane_branching_*.py')) - set(tmp_path.glob('*_each_*'))
+    tried.unlink()
+    compile_effect(effects[0], ())
+    assert not tried.exists()
+
+
 def test_threads_that_ask_for_one_law_at_once_share_it(tmp_path, monkeypatch):
     """The first one compiles it; a fit of a new motor asks in several threads."""
     monkeypatch.setenv('MOTOR_SYSID_CACHE', str(tmp_path))

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from itertools import pairwise
 
+from numba import njit
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -16,10 +17,12 @@ from motor_sysid.physics.laws import cos, sin, smooth_sign
 from motor_sysid.physics.linear_effects import along
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
+from motor_sysid.physics.native import data_of
 from motor_sysid.physics.rollout import Program
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.stepper import Stepper
-from motor_sysid.physics.track import follow
+from motor_sysid.physics.track import at_share, curve
+from motor_sysid.physics.vector import get, put
 from motor_sysid.physics.workspace import halves
 from motor_sysid.signals.record import Record
 
@@ -119,26 +122,32 @@ def test_a_sample_in_which_friction_turns_is_taken_in_finer_steps(monkeypatch):
     assert np.std(found - truth) < 0.2 * np.std(plain - truth)
 
 
+@njit
+def followed(position, places, sample, share):
+    """Return the position at the `share` (8,) of the time to the next sample, in each lane."""
+    angle = np.empty(8)
+    way = curve(position, places, 0, sample)
+    put(data_of(angle), 0, at_share(get(data_of(share), 0), way))
+    return angle
+
+
 def test_a_followed_position_is_smooth_between_its_samples():
     """A constant acceleration is followed exactly, but at the ends of what may be seen."""
     time = np.arange(8.0)
-    position, share, angle = 2 * time - 3 * time**2, np.array([0.0, 0.3, 1.0]), np.empty(3)
-    together, alone = np.empty((3, 0), np.int64), np.repeat([[2], [0], [8]], 3, axis=1)
+    position, share = 2 * time - 3 * time**2, np.linspace(0.0, 1.0, 8)
+    together, alone = np.empty((3, 0), np.int64), np.repeat([[2], [0], [8]], 8, axis=1)
     for sample in range(1, 6):
-        follow(3, position, together, sample, share, angle)
-        passed = sample + share
+        angle, passed = followed(position, together, sample, share), sample + share
         np.testing.assert_allclose(angle, 2 * passed - 3 * passed**2, atol=1e-12)
-        same = angle.copy()
-        follow(3, position, alone, sample - 2, share, angle)
-        np.testing.assert_array_equal(angle, same)
+        np.testing.assert_array_equal(followed(position, alone, sample - 2, share), angle)
     for sample, end in ((0, 1), (6, 7), (7, 7)):
-        follow(3, position, together, sample, share, angle)
-        np.testing.assert_allclose(angle[[0, 2]], position[[sample, end]])
+        angle = followed(position, together, sample, share)
+        np.testing.assert_allclose(angle[[0, -1]], position[[sample, end]])
     # a lane of rows 2 to 5: its last ones are ends, too
-    cut = np.repeat([[2], [2], [6]], 3, axis=1)
+    cut = np.repeat([[2], [2], [6]], 8, axis=1)
     for sample, (begins, ends) in ((0, (2, 3)), (3, (5, 5)), (9, (5, 5)), (-1, (2, 3))):
-        follow(3, position, cut, sample, share, angle)
-        np.testing.assert_allclose(angle[[0, 2]], position[[begins, ends]])
+        angle = followed(position, cut, sample, share)
+        np.testing.assert_allclose(angle[[0, -1]], position[[begins, ends]])
 
 
 LAGS_AND_SPRINGS = {

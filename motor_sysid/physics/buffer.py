@@ -1,10 +1,14 @@
-"""What goes in and out of the state and the flat buffer of laws, a row of lanes at a time."""
+"""What goes in and out of the state and the flat buffer of laws, a vector of lanes at a time.
 
-from numba import njit
+Pointers to the buffer, `p`, are to the first lane of the vector; its rows lie `LANES` numbers
+apart, those of the kernel's own memory `WIDTH`.
+"""
+
 
 from motor_sysid.physics.effect import ARGUMENTS, FORCES
-from motor_sysid.physics.native import call_lane, LANES
+from motor_sysid.physics.native import call_lanes, inlined, LANES
 from motor_sysid.physics.track import row_in
+from motor_sysid.physics.vector import get, put, spread, where, WIDTH, with_element
 
 TURN = ARGUMENTS.index('turn') * LANES
 BEFORE = ARGUMENTS.index('theta_before') * LANES
@@ -12,196 +16,157 @@ STEP = ARGUMENTS.index('step') * LANES
 SLOPE, VOLTAGE = ARGUMENTS.index('slope') * LANES, len(ARGUMENTS) + FORCES.index('voltage')
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def add_push(wide, p, force_rows, push, sample, now, begins, dt):  # type: ignore[no-untyped-def]
-    """Add the forces from outside, (2, m, W) at both ends of the sample, at the time `now`."""
-    for j in range(push.shape[2]):
+@inlined
+def add_push(p, force_rows, push, at, share):  # type: ignore[no-untyped-def]
+    """Add the forces from outside, two rows for each, at the `share` of the time between them."""
+    count = force_rows.shape[0]
+    for j in range(count):
         row = force_rows[j] * LANES
-        for k in range(wide):
-            share = (now[k] - begins[k]) / dt
-            p[row + k] += push[sample, 0, j, k] + share * (
-                push[sample, 1, j, k] - push[sample, 0, j, k]
-            )
+        begins, ends = get(push, at + j * LANES), get(push, at + (count + j) * LANES)
+        put(p, row, get(p, row) + (begins + share * (ends - begins)))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def call_all(wide, base, calls, first, last):  # type: ignore[no-untyped-def]
-    """Call lane functions `first` to `last`."""
+@inlined
+def call_all(base, calls, first, last):  # type: ignore[no-untyped-def]
+    """Call laws `first` to `last`."""
     for i in range(first, last):
-        call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)  # type: ignore[call-arg]
+        call_lanes(calls[i, 0], base, calls[i, 1], calls[i, 2])
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def keep(wide, values, p, rows):  # type: ignore[no-untyped-def]
-    """Copy rows of the buffer to `values` (R, W)."""
+@inlined
+def keep(values, p, rows):  # type: ignore[no-untyped-def]
+    """Copy rows of the buffer to `values`."""
     for j in range(rows.shape[0]):
-        row = rows[j] * LANES
-        for k in range(wide):
-            values[j, k] = p[row + k]
+        put(values, j * WIDTH, get(p, rows[j] * LANES))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def remember(wide, p, offsets, values):  # type: ignore[no-untyped-def]
-    """Copy places in the buffer to `values` (S, W)."""
+@inlined
+def remember(p, offsets, values):  # type: ignore[no-untyped-def]
+    """Copy places in the buffer to `values`."""
     for s in range(offsets.shape[0]):
-        offset = offsets[s]
-        for k in range(wide):
-            values[s, k] = p[offset + k]
+        put(values, s * WIDTH, get(p, offsets[s]))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def swap(wide, p, offsets, values):  # type: ignore[no-untyped-def]
-    """Exchange `values` (S, W) and what is in their places in the buffer."""
+@inlined
+def swap(p, offsets, values):  # type: ignore[no-untyped-def]
+    """Exchange `values` and what is in their places in the buffer."""
     for s in range(offsets.shape[0]):
-        offset = offsets[s]
-        for k in range(wide):
-            values[s, k], p[offset + k] = p[offset + k], values[s, k]
+        kept = get(values, s * WIDTH)
+        put(values, s * WIDTH, get(p, offsets[s]))
+        put(p, offsets[s], kept)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def put(wide, p, offsets, values):  # type: ignore[no-untyped-def]
-    """Copy `values` (S, W) to their places in the buffer."""
+@inlined
+def restore(p, offsets, values):  # type: ignore[no-untyped-def]
+    """Copy `values` to their places in the buffer."""
     for s in range(offsets.shape[0]):
-        offset = offsets[s]
-        for k in range(wide):
-            p[offset + k] = values[s, k]
+        put(p, offsets[s], get(values, s * WIDTH))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def hold_input(wide, u, inputs, late, places, sample):  # type: ignore[no-untyped-def]
-    """Write the input that acts in each lane to `u` (n_u, W)."""
+@inlined
+def hold_input(u, inputs, late, places, first, sample):  # type: ignore[no-untyped-def]
+    """Write the input that acts in lane `first` and the next ones to the rows `u`."""
     n_u, delayed, apart = inputs.shape[1], late.shape[0] > 0, places.shape[1] > 0
     if not (delayed or apart):
         for j in range(n_u):
-            for k in range(wide):
-                u[j, k] = inputs[sample, j]
+            put(u, j * WIDTH, spread(inputs[sample, j]))
         return
-    for k in range(wide):
-        at = sample - (late[k] if delayed else 0)
-        at = row_in(places, k, at) if apart else max(at, 0)
-        for j in range(n_u):
-            u[j, k] = inputs[at, j]
+    for j in range(n_u):
+        held = spread(0.0)
+        for k in range(WIDTH):
+            at = sample - (late[first + k] if delayed else 0)
+            at = row_in(places, first + k, at) if apart else max(at, 0)
+            held = with_element(held, k, inputs[at, j])
+        put(u, j * WIDTH, held)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def load_state(  # type: ignore[no-untyped-def]
-    wide, p, x, state_rows, position_row, speed_row, follows, position, half, h
+    p, x, state_rows, position_row, speed_row, follows, position, half, h
 ):
     """Write a core state to the argument rows, with the measured position in its place.
 
     That is the simulated one as far as it lies within `half` a count (rad) of the measured one.
-    Beside it goes the angle that the shaft turns in a step of length `h` (W,).
+    Beside it goes the angle that the shaft turns in a step of length `h`.
     """
     if speed_row >= 0:
-        for k in range(wide):
-            p[TURN + k] = h[k] * x[speed_row, k]
-    for j in range(x.shape[0]):
-        row = state_rows[j] * LANES
+        put(p, TURN, h * get(x, speed_row * WIDTH))
+    for j in range(state_rows.shape[0]):
+        value = get(x, j * WIDTH)
         if follows and j == position_row:
-            for k in range(wide):
-                p[row + k] = within(x[j, k], position[k], half)
-        else:
-            for k in range(wide):
-                p[row + k] = x[j, k]
+            value = within(value, position, half)
+        put(p, state_rows[j] * LANES, value)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def within(value, middle, half):  # type: ignore[no-untyped-def]
     """Return a value, not more than `half` away from the middle."""
     return min(max(value, middle - half), middle + half)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def confine(wide, values, middle, half):  # type: ignore[no-untyped-def]
-    """Move `values` (W,) that are more than `half` away from the middle (W,) to there."""
-    for k in range(wide):
-        values[k] = within(values[k], middle[k], half)
+@inlined
+def begin_step(p, x, position_row, follows, position, half, h):  # type: ignore[no-untyped-def]
+    """Write the angle at which a step of length `h` begins, and that length."""
+    put(p, STEP, h)
+    if position_row >= 0:
+        angle = get(x, position_row * WIDTH)
+        put(p, BEFORE, within(angle, position, half) if follows else angle)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def begin_step(  # type: ignore[no-untyped-def]
-    wide, p, x, position_row, follows, position, half, h
-):
-    """Write the angle at which a step of length `h` (W,) begins, and that length."""
-    for k in range(wide):
-        p[STEP + k] = h[k]
-    if follows:
-        for k in range(wide):
-            p[BEFORE + k] = within(x[position_row, k], position[k], half)
-    elif position_row >= 0:
-        for k in range(wide):
-            p[BEFORE + k] = x[position_row, k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def add_jumps(  # type: ignore[no-untyped-def]
-    wide, p, base, x, calls, states, rows, laws, count, force_rows, secant
+    p, base, x, calls, states, rows, laws, count, force_rows, secant
 ):
-    """Add to states (n, W), which are loaded, what moves them at once.
+    """Add to states, which are loaded, what moves them at once.
 
     The first `count` of the `laws` tell what they add to each equation just now; their slopes by
-    their own states are `secant` (m, W).
+    their own states are `secant`.
     """
-    clear(wide, p, force_rows)
-    call_all(wide, base, laws, 0, count)
+    clear(p, force_rows)
+    call_all(base, laws, 0, count)
     for j in range(force_rows.shape[0]):
         if force_rows[j] == VOLTAGE:
-            for k in range(wide):
-                p[SLOPE + k] = secant[j, k]
-    clear(wide, p, rows)
-    call_all(wide, base, calls, 0, calls.shape[0])
+            put(p, SLOPE, get(secant, j * WIDTH))
+    clear(p, rows)
+    call_all(base, calls, 0, calls.shape[0])
     for i in range(states.shape[0]):
-        j, row = states[i], rows[i] * LANES
-        for k in range(wide):
-            x[j, k] += p[row + k]
+        at = states[i] * WIDTH
+        put(x, at, get(x, at) + get(p, rows[i] * LANES))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def clear(wide, p, rows):  # type: ignore[no-untyped-def]
-    """Set the equation rows to zero."""
+@inlined
+def clear(p, rows):  # type: ignore[no-untyped-def]
+    """Set rows of the buffer to zero."""
     for j in range(rows.shape[0]):
-        row = rows[j] * LANES
-        for k in range(wide):
-            p[row + k] = 0.0
+        put(p, rows[j] * LANES, spread(0.0))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def evaluate_rates(wide, p, base, calls, memory_rate):  # type: ignore[no-untyped-def]
+@inlined
+def evaluate_rates(p, base, calls, memory_rate):  # type: ignore[no-untyped-def]
     """Set the rates of all own states."""
     for s in range(memory_rate.shape[0]):
-        row = memory_rate[s]
-        for k in range(wide):
-            p[row + k] = 0.0
-    call_all(wide, base, calls, 0, calls.shape[0])
+        put(p, memory_rate[s], spread(0.0))
+    call_all(base, calls, 0, calls.shape[0])
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def copy(wide, values, target):  # type: ignore[no-untyped-def]
-    """Copy (n, W) values."""
-    for j in range(target.shape[0]):
-        for k in range(wide):
-            target[j, k] = values[j, k]
+@inlined
+def copy(count, values, target):  # type: ignore[no-untyped-def]
+    """Copy so many rows."""
+    for j in range(count):
+        put(target, j * WIDTH, get(values, j * WIDTH))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def positive(wide, values):  # type: ignore[no-untyped-def]
-    """Return how many of (W,) values are positive."""
-    count = 0
-    for k in range(wide):
-        count += 1 if values[k] > 0.0 else 0
-    return count
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def blend(wide, x, rough, p, memory_offset, rough_memory, share):  # type: ignore[no-untyped-def]
-    """Mix what finer steps lead to with what rough ones did, by the (W,) share of the finer."""
-    for j in range(x.shape[0]):
-        for k in range(wide):
-            x[j, k] = rough[j, k] if share[k] == 0.0 else (
-                rough[j, k] + share[k] * (x[j, k] - rough[j, k])
-            )
+@inlined
+def blend(count, x, rough, p, memory_offset, rough_memory, share):  # type: ignore[no-untyped-def]
+    """Mix what finer steps lead to with what rough ones did, by the `share` of the finer."""
+    for j in range(count):
+        put(x, j * WIDTH, mixed(get(rough, j * WIDTH), get(x, j * WIDTH), share))
     for s in range(memory_offset.shape[0]):
         row = memory_offset[s]
-        for k in range(wide):
-            old = rough_memory[s, k]
-            p[row + k] = old if share[k] == 0.0 else old + share[k] * (p[row + k] - old)
+        put(p, row, mixed(get(rough_memory, s * WIDTH), get(p, row), share))
+
+
+@inlined
+def mixed(rough, fine, share):  # type: ignore[no-untyped-def]
+    """Return a value between two, the first where the `share` of the other is zero."""
+    return where(share == 0.0, rough, rough + share * (fine - rough))

@@ -8,14 +8,13 @@ law's own answer to it, and the weight ``w`` of its force, the change ``d`` solv
 A regula falsi finds it, with the Illinois rule (Dowell and Jarratt 1971, doi:10.1007/BF01934364),
 in all lanes at once: a law that damps has one root between 0 and c, however steep it is.  A law
 that feeds (a friction that falls as the motion begins) has its root beyond c; until one end of a
-bracket is known there, the secant from 0 leads on.  Every choice is a select, not a branch, so
-that the loops are vectorized.
+bracket is known there, the secant from 0 leads on.
 """
 
-from numba import njit
 
 from motor_sysid.physics.effect import FORCES
-from motor_sysid.physics.native import call_lane, LANES
+from motor_sysid.physics.native import call_lanes, inlined, LANES
+from motor_sysid.physics.vector import get, put, some, spread, where, WIDTH
 
 TRIALS = 60
 """Most evaluations that the implicit step may take; it needs one to four."""
@@ -41,175 +40,151 @@ second on only finer ones count."""
 
 _OPEN, _KNOWN = 1e300, 1e299
 
-# rows of the work memory of one solution
-JUMP = 0
-HARD_ROW = 1 * LANES
-_PREDICTED = 2 * LANES
-_CHANGE = 3 * LANES
-_START = 4 * LANES
-_WEIGHT = 5 * LANES
-_D = 6 * LANES
-_LOW = 7 * LANES
-_HIGH = 8 * LANES
-_G_LOW = 9 * LANES
-_G_HIGH = 10 * LANES
-_SIDE = 11 * LANES
-_PHI2 = 12 * LANES
-ROWS = 13
-
 KEPT_ROWS = 2 * len(FORCES)
 """Rows that are kept from step to step: the most that the stiff laws of each equation have been,
 and then the most of its own state."""
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def call_stiff(wide, base, calls, count, forces, j):  # type: ignore[no-untyped-def]
+@inlined
+def call_stiff(base, calls, count, forces, j):  # type: ignore[no-untyped-def]
     """Call the stiff laws of equation `j`."""
     for i in range(count):
         if forces[i] == j:
-            call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)  # type: ignore[call-arg]
+            call_lanes(calls[i, 0], base, calls[i, 1], calls[i, 2])
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def secants(  # type: ignore[no-untyped-def]
-    wide, p, base, calls, count, forces, answers, state_rows, force_rows, own_state, x,
-    predicted, begun, secant,
+    p, base, calls, count, forces, answers, state_rows, force_rows, own_state, x, predicted,
+    begun, secant,
 ):  # fmt: skip
-    """Set `secant` (m, W) to the slope of the stiff laws of equations that `answers` marks.
+    """Set the rows `secant` to the slope of the stiff laws of equations that `answers` marks.
 
-    That is their slope in the own state of the equation.  The state `x` (n, W) is loaded; `begun`
-    (m, W) holds the stiff laws there.
+    That is their slope in the own state of the equation.  The state `x` is loaded; `begun` holds
+    the stiff laws there.
     """
     for j in range(own_state.shape[0]):
-        if not answers[j]:
+        if answers[j] == 0.0:
             continue
-        own, target = own_state[j], force_rows[j] * LANES
-        row = state_rows[own] * LANES
-        for k in range(wide):
-            p[target + k] = 0.0
-            p[row + k] = predicted[own, k]
-        call_stiff(wide, base, calls, count, forces, j)
-        for k in range(wide):
-            moved, change = predicted[own, k] - x[own, k], p[target + k] - begun[j, k]
-            secant[j, k] = min(change * moved / (moved * moved + 1e-30), 0.0)
-            p[row + k] = x[own, k]
+        target, row = force_rows[j] * LANES, state_rows[own_state[j]] * LANES
+        before, ahead = get(x, own_state[j] * WIDTH), get(predicted, own_state[j] * WIDTH)
+        put(p, target, spread(0.0))
+        put(p, row, ahead)
+        call_stiff(base, calls, count, forces, j)
+        moved, change = ahead - before, get(p, target) - get(begun, j * WIDTH)
+        put(secant, j * WIDTH, min(change * moved / (moved * moved + 1e-30), 0.0))
+        put(p, row, before)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def prepare(  # type: ignore[no-untyped-def]
-    wide, w, j, own, predicted, change, begun, start, secant, phi1_force, phi2_force, piece
+@inlined
+def weighed(change, law, steep, phi1, phi2):  # type: ignore[no-untyped-def]
+    """Return what the implicit step of an equation begins with.
+
+    Parameters
+    ----------
+    change:
+        Change of the own state that all changes of forces over the step add to the prediction.
+    law:
+        Change of the stiff laws over the step, to the predicted state.
+    steep:
+        Slope of the stiff laws.
+    phi1, phi2:
+        What a constant force of one, and one that rises to one, add to the own state.
+
+    Returns
+    -------
+    Where the step is hard, the weight of the force, the change c, and a first guess of the root.
+    """
+    hard = (phi2 - phi1) * steep > HARD
+    weight = where(hard, phi1, phi2)
+    c = change + (weight - phi2) * law
+    return hard, weight, c, c / (1.0 - weight * steep)
+
+
+@inlined
+def settle(  # type: ignore[no-untyped-def]
+    p, base, calls, count, forces, j, row, target, predicted, start, weight, c, d
 ):  # fmt: skip
-    """Fill the work memory `w` of equation `j`; return how many lanes are hard.
+    """Return the stiff laws at the end of the step.
 
-    `change` (m, W) is the change of all forces over the step, `begun` and `start` the stiff laws
-    at its beginning and at the predicted state.  Row `HARD_ROW` gets 1 where a lane is, else 0.
+    Parameters
+    ----------
+    row, target:
+        Places in the buffer of the own state and of the force.
+    predicted, start:
+        The predicted own state, and the stiff laws there.
+    weight, c, d:
+        See `weighed`.
     """
-    for k in range(wide):
-        w[_CHANGE + k] = 0.0
-    for i in range(change.shape[0]):
-        for k in range(wide):
-            w[_CHANGE + k] += phi2_force[piece, own, i, k] * change[i, k]
-    count = 0
-    for k in range(wide):
-        p2, p1, steep = phi2_force[piece, own, j, k], phi1_force[piece, own, j, k], secant[j, k]
-        stiff = (p2 - p1) * steep > HARD
-        weight = p1 if stiff else p2
-        c = w[_CHANGE + k] + (weight - p2) * (start[j, k] - begun[j, k])
-        w[_PREDICTED + k], w[_START + k] = predicted[own, k], start[j, k]
-        w[_PHI2 + k], w[JUMP + k] = p2, begun[j, k]
-        w[HARD_ROW + k], w[_WEIGHT + k] = 1.0 if stiff else 0.0, weight
-        w[_CHANGE + k] = c
-        w[_LOW + k], w[_HIGH + k] = 0.0, c
-        w[_G_LOW + k], w[_G_HIGH + k] = -c, _OPEN
-        w[_SIDE + k] = 0.0
-        w[_D + k] = c / (1.0 - weight * steep)
-    for k in range(wide):
-        count += 1 if w[HARD_ROW + k] > 0.0 else 0  # whole numbers are summed side by side
-    return count
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def settle(wide, p, base, calls, count, forces, j, row, target, w):  # type: ignore[no-untyped-def]
-    """Solve for the end of the step; row `JUMP` of `w` gets the change of the stiff laws.
-
-    `row` and `target` are the places in the buffer of the own state and of the force.
-    """
+    low, high, g_low, g_high, side = spread(0.0), c, -c, spread(_OPEN), spread(0.0)
+    force = start
     for trial in range(TRIALS):
-        for k in range(wide):
-            p[target + k] = 0.0
-            p[row + k] = w[_PREDICTED + k] + w[_D + k]
-        call_stiff(wide, base, calls, count, forces, j)
-        if count_far(wide, p, target, w) == 0 or narrow(wide, p, target, w, trial == 0) == 0:
-            break
-    for k in range(wide):
-        w[JUMP + k] = p[target + k] - w[JUMP + k]
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def count_far(wide, p, target, w):  # type: ignore[no-untyped-def]
-    """Return in how many lanes the end of the step is not found yet; mostly, in none."""
-    left = 0
-    for k in range(wide):
-        c = w[_CHANGE + k]
-        g = w[_D + k] - c - w[_WEIGHT + k] * (p[target + k] - w[_START + k])
-        far = abs(g) >= CLOSE * (abs(c) + 1e-4 * abs(w[_PREDICTED + k]) + 1e-300)
-        left += 1 if far else 0
-    return left
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def narrow(wide, p, target, w, first):  # type: ignore[no-untyped-def]
-    """Take one step of the regula falsi in every lane that is not there; return how many."""
-    left = 0
-    for k in range(wide):
-        d, c, predicted = w[_D + k], w[_CHANGE + k], w[_PREDICTED + k]
-        g = d - c - w[_WEIGHT + k] * (p[target + k] - w[_START + k])
+        put(p, target, spread(0.0))
+        put(p, row, predicted + d)
+        call_stiff(base, calls, count, forces, j)
+        force = get(p, target)
+        g = d - c - weight * (force - start)
         far = abs(g) >= CLOSE * (abs(c) + 1e-4 * abs(predicted) + 1e-300)
-        above = (g > 0.0) == (c > 0.0)
-        side = w[_SIDE + k]
-        low, high, g_low, g_high = w[_LOW + k], w[_HIGH + k], w[_G_LOW + k], w[_G_HIGH + k]
-        known = g_high < _KNOWN
-        g_low = g_low * (0.5 if side > 0.0 else 1.0) if above else g
-        g_high = g if above else g_high * (0.5 if side < 0.0 and known else 1.0)
-        low = low if above else d
-        high = d if above else high
-        gap = g_high - g_low
-        inside = high - g_high / gap * (high - low)
-        inside = 0.5 * (low + high) if gap == 0.0 else inside
-        ahead = d - g * d / (g + c)
-        most = FURTHEST * c
-        ahead = ahead if (ahead - d) * c > 0.0 and (most - ahead) * c > 0.0 else most
-        following = ahead if g_high > _KNOWN else inside
-        far = far and (above or abs(d) < abs(most))
-        stops = first and d * (predicted + d) > 0.0 and -predicted * c > 0.0
-        following = -predicted if stops else following
-        w[_LOW + k], w[_HIGH + k], w[_G_LOW + k], w[_G_HIGH + k] = low, high, g_low, g_high
-        w[_SIDE + k] = 1.0 if above else -1.0
-        w[_D + k] = following if far else d  # a lane that is there stays, whatever the others do
-        left += 1 if far else 0
-    return left
+        if not some(far):
+            break
+        d, far, low, high, g_low, g_high, side = narrow(
+            d, g, far, c, predicted, low, high, g_low, g_high, side, trial == 0
+        )
+        if not some(far):
+            break
+    return force
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def mark_turned(wide, w, most, j, begun, own, state, turned):  # type: ignore[no-untyped-def]
-    """Raise `turned` (W,) in lanes in which the stiff laws of equation `j` have turned.
+@inlined
+def narrow(  # type: ignore[no-untyped-def]
+    d, g, far, c, predicted, low, high, g_low, g_high, side, first
+):  # fmt: skip
+    """Take one step of the regula falsi in every lane that is `far` from its root.
 
-    `begun` (m, W) holds them at the beginning of the step, row `JUMP` their change, row `own` of
-    `state` (n, W) their own state.  It grows steadily from 0 to 1, so that differences between
-    lanes stay smooth.  `most` holds the `KEPT_ROWS`.
+    `g` is how far `d` is from solving the equation; `low` to `high` is the bracket, with `g_low`
+    and `g_high` at its ends, and `side` the end that moved last, by its sign.
+
+    Returns
+    -------
+    The next `d`, where it is still to be tried, and the bracket.
     """
-    law, largest = j * LANES, (len(FORCES) + j) * LANES
-    for k in range(wide):
-        much = max(most[law + k], abs(begun[j, k]))
-        far = max(most[largest + k], abs(state[own, k]))
-        most[law + k], most[largest + k] = much, far
-        change = abs(w[JUMP + k])
-        turn = ramp(change / (much + 1e-300), TURNS[0], TURNS[1])
-        move = ramp(change * abs(w[_PHI2 + k]) / (far + 1e-300), MOVES[0], MOVES[1])
-        turned[k] = max(turned[k], turn * move)
+    above = (g > 0.0) == (c > 0.0)
+    known = g_high < _KNOWN
+    g_low = where(above, g_low * where(side > 0.0, 0.5, 1.0), g)
+    g_high = where(above, g, g_high * where((side < 0.0) & known, 0.5, 1.0))
+    low, high = where(above, low, d), where(above, d, high)
+    gap = g_high - g_low
+    inside = where(gap == 0.0, 0.5 * (low + high), high - g_high / gap * (high - low))
+    ahead, most = d - g * d / (g + c), FURTHEST * c
+    ahead = where(((ahead - d) * c > 0.0) & ((most - ahead) * c > 0.0), ahead, most)
+    following = where(g_high > _KNOWN, ahead, inside)
+    far = far & (above | (abs(d) < abs(most)))
+    if first:
+        stops = (d * (predicted + d) > 0.0) & (-predicted * c > 0.0)
+        following = where(stops, -predicted, following)
+    side = where(above, spread(1.0), spread(-1.0))
+    # a lane that is there stays, whatever the others do
+    return where(far, following, d), far, low, high, g_low, g_high, side
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
+def has_turned(most, j, law, change, phi2, state):  # type: ignore[no-untyped-def]
+    """Return how far the stiff laws of equation `j` have turned in a step.
+
+    `law` is what they were at its beginning, `change` by how much they changed, and `state` their
+    own state.  It grows steadily from 0 to 1, so that differences between lanes stay smooth.
+    `most` holds the `KEPT_ROWS`.
+    """
+    law_at, state_at = j * LANES, (len(FORCES) + j) * LANES
+    much, far = max(get(most, law_at), abs(law)), max(get(most, state_at), abs(state))
+    put(most, law_at, much)
+    put(most, state_at, far)
+    size = abs(change)
+    turn = ramp(size / (much + 1e-300), TURNS[0], TURNS[1])
+    return turn * ramp(size * abs(phi2) / (far + 1e-300), MOVES[0], MOVES[1])
+
+
+@inlined
 def ramp(value, low, high):  # type: ignore[no-untyped-def]
     """Return 0 below `low`, 1 above `high`, and what leads smoothly from one to the other."""
     x = min(max((value - low) / (high - low), 0.0), 1.0)

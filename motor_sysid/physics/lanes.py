@@ -1,4 +1,4 @@
-"""Compile a law into a lane function: one loop over 32 parameter vectors, called by address.
+"""Compile a law into a lane function for eight parameter vectors, called by address.
 
 The kernel knows no effect.  Each law is written, together with the whole text of its file, into a
 generated module whose name holds a hash of everything that it depends on, and is compiled alone;
@@ -6,6 +6,7 @@ so any combination of effects is only a list of addresses, an edited law is neve
 user's own file takes the same path as a built-in one.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 import hashlib
@@ -18,10 +19,11 @@ from threading import Lock
 from types import ModuleType
 
 import numba
+from numba.core.errors import NumbaError
 import numpy as np
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics import laws, native, rotor_frame
+from motor_sysid.physics import laws, native, rotor_frame, vector
 from motor_sysid.physics.effect import (
     ARGUMENTS,
     arguments,
@@ -36,7 +38,7 @@ from motor_sysid.physics.effect import (
 LANES = native.LANES
 """Parameter vectors in one block."""
 
-SHARED = (laws, rotor_frame, native)
+SHARED = (laws, rotor_frame, native, vector)
 """Modules whose functions laws and lanes call: an edit of theirs makes every lane anew."""
 
 ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
@@ -48,16 +50,21 @@ _TEMPLATE = """
 # ---- generated from the effect {origin}; do not edit ----
 from numba import cfunc as _cfunc, njit as _njit
 from motor_sysid.physics.native import as_pointer as _as_pointer
+from motor_sysid.physics.vector import get as _get, put as _put, WIDTH as _WIDTH
 
 _law = _njit(error_model='numpy', forceinline=True)({function})
 
 
-@_cfunc('void(int64, int64, int64, int64)', cache=True, error_model='numpy')
-def lane(base, own, state, wide):
+@_cfunc('void(int64, int64, int64)', cache=True, error_model='numpy')
+def lane(base, own, state):
     p = _as_pointer(base)
-    for k in range(wide):
-        p[{target} + k] += _law({arguments})
 """
+
+_AT_ONCE = ('_get(p, {})', '    _put(p, {target}, _get(p, {target}) + _law({arguments}))\n')
+_ONE_BY_ONE = (
+    'p[{} + _k]', '    for _k in range(_WIDTH):\n        p[{target} + _k] += _law({arguments})\n'
+)  # fmt: skip
+"""How an argument is read and a law is called, for eight parameter vectors and for one."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +74,7 @@ class Lane:
     Attributes
     ----------
     address:
-        Of the native function ``void(buffer, own parameter offset, own state offset, lanes)``.
+        Of the native function ``void(buffer, own parameter offset, own state offset)``.
     target:
         Name of the equation, or of the own state whose rate it gives.
     arguments:
@@ -150,38 +157,61 @@ def _lane(
     effect: Effect, law: Law, name: str, target: str, motor_parameters: tuple[str, ...]
 ) -> Lane:
     names = arguments(law)
-    reads = ', '.join(_read(effect, name, motor_parameters) for name in names)
-    text = effect.source + _TEMPLATE.format(
-        origin=effect.key, function=law.__name__, target=target, arguments=reads
-    )
-    module = _generated_module(f'{effect.key}_{name}', text)
+    places = [_place(effect, name, motor_parameters) for name in names]
+    module = _compiled(f'{effect.key}_{name}', effect.source, {
+        'origin': effect.key, 'function': law.__name__, 'target': target
+    }, places)  # fmt: skip
     lane = module.lane
     return Lane(int(lane.address), name, frozenset(names), name in effect.card.states, lane)
 
 
-def _read(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:
-    """Return the expression that reads one argument of a law from the buffer."""
+def _compiled(
+    stem: str, source: str, names: Mapping[str, str], places: Sequence[str]
+) -> ModuleType:
+    """Return the module of a law; one that vectors do not go through is called for each number.
+
+    That is one with a branch in it, or a function that vectors do not know.
+    """
+    texts = []
+    for read, call in (_AT_ONCE, _ONE_BY_ONE):
+        values = ', '.join(map(read.format, places))
+        texts.append(source + (_TEMPLATE + call).format(arguments=values, **names))
+    if not _path_of(f'{stem}_each', texts[1]).exists():
+        try:
+            return _generated_module(stem, texts[0])
+        except NumbaError:
+            pass
+    return _generated_module(f'{stem}_each', texts[1])
+
+
+def _place(effect: Effect, name: str, motor_parameters: tuple[str, ...]) -> str:
+    """Return the expression of where one argument of a law lies in the buffer."""
     own = [p.name for p in effect.card.parameters]
     if name in own:
-        return f'p[own + {own.index(name) * LANES} + k]'
+        return f'own + {own.index(name) * LANES}'
     if name in effect.card.states:
-        return f'p[state + {effect.card.states.index(name) * LANES} + k]'
+        return f'state + {effect.card.states.index(name) * LANES}'
     if name in ROW_OF_ARGUMENT:
-        return f'p[{ROW_OF_ARGUMENT[name] * LANES} + k]'
+        return f'{ROW_OF_ARGUMENT[name] * LANES}'
     if name in ROW_OF_FORCE:
-        return f'p[{ROW_OF_FORCE[name] * LANES} + k]'
+        return f'{ROW_OF_FORCE[name] * LANES}'
     if name in motor_parameters:
-        row = FIRST_PARAMETER_ROW + motor_parameters.index(name)
-        return f'p[{row * LANES} + k]'
+        return f'{(FIRST_PARAMETER_ROW + motor_parameters.index(name)) * LANES}'
     known = ', '.join([*own, *effect.card.states, *motor_parameters, *ARGUMENTS])
     raise UserError(f'effect `{effect.key}`: law asks for unknown `{name}`; known are {known}')
 
 
-def _generated_module(stem: str, text: str) -> ModuleType:
+def _path_of(stem: str, text: str) -> Path:
+    """Return where the generated module of a law lies, or would."""
     depends = text + ''.join(map(inspect.getsource, SHARED))
     depends += f'{numba.__version__} {np.__version__}'
-    name = f'lane_{stem}_{hashlib.sha256(depends.encode()).hexdigest()[:16]}'
-    path = cache_directory() / f'{name}.py'
+    digest = hashlib.sha256(depends.encode()).hexdigest()[:16]
+    return cache_directory() / f'lane_{stem}_{digest}.py'
+
+
+def _generated_module(stem: str, text: str) -> ModuleType:
+    path = _path_of(stem, text)
+    name = path.stem
     if not path.exists():
         fresh = path.with_suffix(f'.{os.getpid()}')
         fresh.write_text(text, encoding='utf-8')

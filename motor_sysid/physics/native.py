@@ -1,11 +1,26 @@
-"""Memory through an address, compiled functions by their address, and arrays on the stack."""
+"""Memory through an address, compiled functions by their address, and room on the stack."""
+
+from typing import Any
 
 from llvmlite import ir
-from numba import carray, njit, types  # type: ignore[attr-defined]
-from numba.extending import intrinsic
+from numba import njit, types
+from numba.core.errors import TypingError
+
+from motor_sysid.physics.vector import intrinsic, WIDTH
 
 LANES = 32
-"""Parameter vectors that one block carries: enough for the compiler to keep the loop rolled."""
+"""Parameter vectors that one block carries, and numbers in a row of its memory."""
+
+
+_OPTIONS: dict[str, Any] = {
+    'cache': True, 'nogil': True, 'error_model': 'numpy', '_nrt': False
+}  # fmt: skip
+
+compiled: Any = njit(**_OPTIONS)
+"""Compile a function that makes no arrays; references to those that it is given do not count."""
+
+inlined: Any = njit(**_OPTIONS, forceinline=True)
+"""Compile a function that becomes a part of those that call it."""
 
 
 @intrinsic
@@ -20,13 +35,36 @@ def as_pointer(typingctx, address):  # type: ignore[no-untyped-def]
 
 
 @intrinsic
-def call_lane(typingctx, address, base, own, state, wide):  # type: ignore[no-untyped-def]
-    """Call ``void(int64, int64, int64, int64)`` at `address`."""
-    signature = types.void(types.int64, types.int64, types.int64, types.int64, types.int64)
+def data_of(typingctx, array):  # type: ignore[no-untyped-def]
+    """Return the pointer to the first number of an array of float64 in one piece."""
+    if not isinstance(array, types.Array) or array.layout != 'C' or array.dtype != types.float64:
+        raise TypingError(f'only an array of float64 in one piece has a place, not {array}')
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return context.make_array(sig.args[0])(context, builder, args[0]).data
+
+    return types.CPointer(types.float64)(array), codegen
+
+
+@intrinsic
+def behind(typingctx, pointer, count):  # type: ignore[no-untyped-def]
+    """Return the pointer to what lies `count` numbers behind."""
+    signature = types.CPointer(types.float64)(types.CPointer(types.float64), types.int64)
+
+    def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
+        return builder.gep(args[0], [args[1]])
+
+    return signature, codegen
+
+
+@intrinsic
+def call_lanes(typingctx, address, base, own, state):  # type: ignore[no-untyped-def]
+    """Call ``void(int64, int64, int64)`` at `address`."""
+    signature = types.void(types.int64, types.int64, types.int64, types.int64)
 
     def codegen(context, builder, sig, args):  # type: ignore[no-untyped-def]
         word = ir.IntType(64)
-        kind = ir.FunctionType(ir.VoidType(), [word, word, word, word])
+        kind = ir.FunctionType(ir.VoidType(), [word, word, word])
         function = builder.inttoptr(args[0], kind.as_pointer())
         builder.call(function, args[1:])
         return context.get_dummy_value()
@@ -52,16 +90,6 @@ def on_stack(typingctx, count):  # type: ignore[no-untyped-def]
 
 
 @njit(inline='always')
-def new_rows(count):  # type: ignore[no-untyped-def]
-    """Return an array (count, 32) on the stack, not set to anything.
-
-    The compiler sees that no other array overlaps it.  Where it does not, every loop over lanes
-    begins with the question whether arrays do: most of the instructions of a step were of that.
-    """
-    return carray(on_stack(count * LANES), (count, LANES))  # type: ignore[call-arg]
-
-
-@njit(inline='always')
-def new_row():  # type: ignore[no-untyped-def]
-    """Return an array (32,) on the stack, not set to anything."""
-    return carray(on_stack(LANES), LANES)  # type: ignore[call-arg]
+def rows(count):  # type: ignore[no-untyped-def]
+    """Return a pointer to room for `count` vectors on the stack, not set to anything."""
+    return on_stack(count * WIDTH)

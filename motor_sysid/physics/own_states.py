@@ -16,9 +16,8 @@ the equation ``a = r + g f(a)`` has the solution ``f(a) = f(r) r / (r - g f(r))`
 
 import math
 
-from numba import njit
-
-from motor_sysid.physics.native import call_lane, LANES
+from motor_sysid.physics.native import call_lanes, compiled, inlined, LANES
+from motor_sysid.physics.vector import get, put, spread, where, WIDTH
 
 _FAR = 40.0
 """Beyond it exp(-z) is nothing to the last digit."""
@@ -27,141 +26,119 @@ _SERIES = tuple(1.0 / math.factorial(k) for k in range(11, 1, -1))
 _TERMS = len(_SERIES)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def own_slope(wide, p, base, s, calls, offset, rate_row, work):  # type: ignore[no-untyped-def]
-    """Set ``work[1]`` to how fast own state `s` makes its own rate fall, never above zero.
+@inlined
+def own_slope(p, base, s, calls, offset, rate_row, size):  # type: ignore[no-untyped-def]
+    """Return how fast own state `s` makes its own rate fall, never above zero.
 
-    `calls` (S, 3) holds all rates, ``work[0]`` the size of the difference that is taken,
-    ``work[2]`` memory; the rates must have been evaluated.
+    `calls` (S, 3) holds all rates, `size` is that of the difference that is taken; the rates must
+    have been evaluated.
     """
-    for k in range(wide):
-        work[1, k] = p[rate_row + k]
-        p[rate_row + k] = 0.0
-        work[2, k] = p[offset + k]
-        p[offset + k] = work[2, k] + work[0, k]
-    call_lane(calls[s, 0], base, calls[s, 1], calls[s, 2], wide)
-    for k in range(wide):
-        here = work[1, k]
-        work[1, k] = min((p[rate_row + k] - here) / work[0, k], 0.0)
-        p[rate_row + k] = here
-        p[offset + k] = work[2, k]
+    rate, value = get(p, rate_row), get(p, offset)
+    put(p, rate_row, spread(0.0))
+    put(p, offset, value + size)
+    call_lanes(calls[s, 0], base, calls[s, 1], calls[s, 2])
+    slope = min((get(p, rate_row) - rate) / size, 0.0)
+    put(p, rate_row, rate)
+    put(p, offset, value)
+    return slope
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def predict_own(  # type: ignore[no-untyped-def]
-    wide, p, base, calls, fading, offsets, rates, h, old, old_rate, ahead, work
+    p, base, calls, fading, offsets, rates, h, old, old_rate, ahead
 ):  # fmt: skip
-    """Move every own state to the end of the step under its rate at the start.
+    """Move every own state to the end of the step of length `h` under its rate at the start.
 
-    Keeps value and rate at the start in `old` and `old_rate`, and what was reached in `ahead` (at
-    least S, W); `work` is (3, W).
+    Keeps value and rate at the start in the rows `old` and `old_rate`, and what was reached in
+    `ahead`.
     """
     for s in range(offsets.shape[0]):
-        offset, row = offsets[s], rates[s]
-        for k in range(wide):
-            old[s, k] = p[offset + k]
-            old_rate[s, k] = p[row + k]
-            ahead[s, k] = old[s, k] + h[k] * old_rate[s, k]
+        at, value, rate = s * WIDTH, get(p, offsets[s]), get(p, rates[s])
+        put(old, at, value)
+        put(old_rate, at, rate)
+        reached = value + h * rate
         if fading[s]:
-            for k in range(wide):
-                work[0, k] = h[k] * abs(old_rate[s, k]) + 1e-9 * abs(old[s, k]) + 1e-30
-            own_slope(wide, p, base, s, calls, offset, row, work)
-            for k in range(wide):
-                first, _ = phis(h[k] * work[1, k])
-                ahead[s, k] = old[s, k] + h[k] * first * old_rate[s, k]
+            size = h * abs(rate) + 1e-9 * abs(value) + 1e-30
+            slope = own_slope(p, base, s, calls, offsets[s], rates[s], size)
+            reached = value + h * phis(h * slope)[0] * rate
+        put(ahead, at, reached)
     for s in range(offsets.shape[0]):
-        offset = offsets[s]
-        for k in range(wide):
-            p[offset + k] = ahead[s, k]
+        put(p, offsets[s], get(ahead, s * WIDTH))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def correct_own(  # type: ignore[no-untyped-def]
-    wide, p, base, calls, fading, offsets, rates, h, old, old_rate, work
+    p, base, calls, fading, offsets, rates, h, old, old_rate
 ):  # fmt: skip
     """Set every own state to its value at the end of the step; the rates there are known."""
     for s in range(offsets.shape[0]):
         offset, row = offsets[s], rates[s]
-        if not fading[s]:
-            for k in range(wide):
-                p[row + k] = 0.5 * (old_rate[s, k] + p[row + k])
-            continue
-        for k in range(wide):
-            both = abs(old_rate[s, k]) + abs(p[row + k])
-            work[0, k] = h[k] * both + 1e-9 * abs(old[s, k]) + 1e-30
-        own_slope(wide, p, base, s, calls, offset, row, work)
-        for k in range(wide):
-            first, second = phis(h[k] * work[1, k])
-            begun = old_rate[s, k]
-            ended = p[row + k] - work[1, k] * (p[offset + k] - old[s, k])
-            p[row + k] = first * begun + second * (ended - begun)
+        before, begun, rate = get(old, s * WIDTH), get(old_rate, s * WIDTH), get(p, row)
+        mean = 0.5 * (begun + rate)
+        if fading[s]:
+            size = h * (abs(begun) + abs(rate)) + 1e-9 * abs(before) + 1e-30
+            slope = own_slope(p, base, s, calls, offset, row, size)
+            first, second = phis(h * slope)
+            ended = rate - slope * (get(p, offset) - before)
+            mean = first * begun + second * (ended - begun)
+        put(p, row, mean)
     for s in range(offsets.shape[0]):
-        offset, row = offsets[s], rates[s]
-        for k in range(wide):
-            p[offset + k] = old[s, k] + h[k] * p[row + k]
+        put(p, offsets[s], get(old, s * WIDTH) + h * get(p, rates[s]))
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def phis(z):  # type: ignore[no-untyped-def]
-    """Return ``(exp(z) - 1) / z`` and ``(exp(z) - 1 - z) / z^2`` for z up to 0.
+    """Return ``(exp(z) - 1) / z`` and ``(exp(z) - 1 - z) / z^2`` for vectors z up to 0.
 
-    Without a branch or a call of exp, which would keep loops from being vectorized: a series for
-    z / 64, its argument doubled six times, as in `motor_sysid.physics.exponential`.
+    Without a call of exp for each number: a series for z / 64, its argument doubled six times, as
+    in `motor_sysid.physics.exponential`.
     """
     r = max(z, -_FAR) / 64.0
-    second = 1.0 / 479001600.0
+    second = spread(1.0 / 479001600.0)
     for k in range(_TERMS):
         second = second * r + _SERIES[k]
     first = 1.0 + r * second
     for _ in range(6):
         second = 0.25 * first * first + 0.5 * second
-        first *= 1.0 + 0.5 * r * first
-        r *= 2.0
+        first = first * (1.0 + 0.5 * r * first)
+        r = r * 2.0
     far, away = z < -_FAR, -1.0 / min(z, -_FAR)
-    return away if far else first, away * (1.0 - away) if far else second
+    return where(far, away, first), where(far, away * (1.0 - away), second)
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@compiled
 def add_rate_laws(  # type: ignore[no-untyped-def]
-    wide, p, base, x, u, linear, calls, forces, slope_rows, force_rows, own_state, work
+    p, base, x, u, counts, linear, calls, forces, slope_rows, force_rows, own_state
 ):  # fmt: skip
     """Add the laws that read the rate of change of their own equation to the forces.
 
     Parameters
     ----------
     x, u:
-        (n, W) core state, as loaded, and (n_u, W) input.
+        Rows of the core state, as loaded, and of the input; `counts` tells how many.
     linear:
-        A (n, n, W), B (n, n_u, W), G (n, m, W) of the linear motor.
+        A (n, n), B (n, n_u), G (n, m) of the linear motor, a vector each.
     calls, forces:
         (K, 3) addresses and offsets of the laws, and the equation of each.
     slope_rows:
         (m,) rows of the buffer in which laws find the rate of each equation's own state.
-    work:
-        (2, W) memory.
     """
     a, b, g = linear
+    n, n_u = counts
+    m = force_rows.shape[0]
     for i in range(calls.shape[0]):
         j = forces[i]
-        at, row, slope = own_state[j], force_rows[j] * LANES, slope_rows[j] * LANES
-        for k in range(wide):
-            work[0, k] = 0.0
-        for c in range(a.shape[1]):
-            for k in range(wide):
-                work[0, k] += a[at, c, k] * x[c, k]
-        for c in range(b.shape[1]):
-            for k in range(wide):
-                work[0, k] += b[at, c, k] * u[c, k]
-        for c in range(g.shape[1]):
-            other = force_rows[c] * LANES
-            for k in range(wide):
-                work[0, k] += g[at, c, k] * p[other + k]
-        for k in range(wide):
-            work[1, k] = p[row + k]
-            p[slope + k] = work[0, k]
-        call_lane(calls[i, 0], base, calls[i, 1], calls[i, 2], wide)
-        for k in range(wide):
-            force = p[row + k] - work[1, k]
-            left = work[0, k] - g[at, j, k] * force
-            share = work[0, k] / left if left != 0.0 else 1.0
-            p[row + k] = work[1, k] + force * share
+        at, row = own_state[j], force_rows[j] * LANES
+        rate = spread(0.0)
+        for c in range(n):
+            rate = rate + get(a, (at * n + c) * WIDTH) * get(x, c * WIDTH)
+        for c in range(n_u):
+            rate = rate + get(b, (at * n_u + c) * WIDTH) * get(u, c * WIDTH)
+        for c in range(m):
+            rate = rate + get(g, (at * m + c) * WIDTH) * get(p, force_rows[c] * LANES)
+        others = get(p, row)
+        put(p, slope_rows[j] * LANES, rate)
+        call_lanes(calls[i, 0], base, calls[i, 1], calls[i, 2])
+        force = get(p, row) - others
+        left = rate - get(g, (at * m + j) * WIDTH) * force
+        put(p, row, others + force * where(left != 0.0, rate / left, 1.0))

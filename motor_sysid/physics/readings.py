@@ -10,14 +10,13 @@ within one.  (Astrom and Wittenmark, Computer-Controlled Systems, 1997, chapter 
 """
 
 from collections.abc import Mapping, Sequence
-import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.effect import Effect
-from motor_sysid.physics.native import LANES
+from motor_sysid.physics.native import inlined, LANES
+from motor_sysid.physics.vector import get, put, spread, WIDTH
 
 NONE = -1, -1
 """Rows of the filter of an output that has none."""
@@ -49,51 +48,44 @@ def placed(
     return np.array(places, dtype=np.int64).reshape(-1, 2)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def shares(wide, p, filters, dt, share):  # type: ignore[no-untyped-def]
-    """Set how much of each new difference passes a filter; return if there is one.
+@inlined
+def share_of(p, filters, dt):  # type: ignore[no-untyped-def]
+    """Return if there is a filter, and how much of each new difference passes it.
 
     `filters` (n_y, 2) holds for each output the state that shows what has passed, and the row of
     the time constant; negative ones without a filter.
     """
-    found = False
+    found, share = False, spread(0.0)
     for y in range(filters.shape[0]):
         if filters[y, 0] >= 0:
-            found, row = True, filters[y, 1] * LANES
-            for k in range(wide):
-                share[k] = 1.0 - math.exp(-dt / (p[row + k] + NOTHING))
-    return found
+            found, share = True, 1.0 - np.exp(-dt / (get(p, filters[y, 1] * LANES) + NOTHING))
+    return found, share
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def show(  # type: ignore[no-untyped-def]
-    wide, p, x, previous, rate, state, differenced, bias, sensor, filters, share, sensed, out, at
+    p, x, previous, rate, state, differenced, bias, sensor, filters, share, sensed, out, at
 ):  # fmt: skip
-    """Write the outputs (n_y, W) of the sample at row `at`; see `shares` for filters."""
-    for y in range(out.shape[1]):
-        j, add = state[y], bias[y] * LANES
+    """Write the outputs of a sample to rows from `at` on; see `share_of` for filters."""
+    for y in range(state.shape[0]):
+        j, row = state[y] * WIDTH, at + y * LANES
+        shown = get(x, j)
         if differenced[y]:
-            for k in range(wide):
-                out[at, y, k] = (x[j, k] - previous[j, k]) * rate + p[add + k]
-        else:
-            for k in range(wide):
-                out[at, y, k] = x[j, k] + p[add + k]
-        passed = filters[y, 0]
+            shown = (shown - get(previous, j)) * rate
+        shown = shown + get(p, bias[y] * LANES)
+        passed = filters[y, 0] * WIDTH
         if passed >= 0:
-            for k in range(wide):
-                before = previous[passed, k]
-                x[passed, k] = before + share[k] * (out[at, y, k] - before)
-                out[at, y, k] = x[passed, k]
+            before = get(previous, passed)
+            shown = before + share * (shown - before)
+            put(x, passed, shown)
         elif sensed:
-            row = sensor[y] * LANES
-            for k in range(wide):
-                out[at, y, k] += p[row + k]
+            shown = shown + get(p, sensor[y] * LANES)
+        put(out, row, shown)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def hold_shown(wide, x, previous, filters):  # type: ignore[no-untyped-def]
+@inlined
+def hold_shown(x, previous, filters):  # type: ignore[no-untyped-def]
     """Keep what has passed filters until the next sample: its way there means nothing."""
     for y in range(filters.shape[0]):
         if filters[y, 0] >= 0:
-            for k in range(wide):
-                x[filters[y, 0], k] = previous[filters[y, 0], k]
+            put(x, filters[y, 0] * WIDTH, get(previous, filters[y, 0] * WIDTH))

@@ -28,23 +28,21 @@ from motor_sysid.physics.pace import Pace
 from motor_sysid.physics.readings import filter_of, NONE, placed
 from motor_sysid.physics.side_by_side import run_side_by_side
 from motor_sysid.physics.threads import shared
+from motor_sysid.physics.vector import WIDTH
 from motor_sysid.physics.workspace import (
+    by_vector,
     coarse_and_fine,
     delays,
     filled,
     halves,
     joined,
-    lane_last,
     Workspace,
 )
 
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
-_NO_CORE = np.empty((0, 0, 0))
+_NO_CORE = np.empty((0, 0, 0, 0))
 _ALL_THE_SAME = np.empty((3, 0), dtype=np.int64)
-
-GROUP = 8
-"""Lanes that are computed together: a block of fewer parameter vectors costs less."""
 
 
 class Program:
@@ -328,14 +326,14 @@ class Program:
             late, width = delays(full[self._delay_names], dt)
         again, even = turning and self._calls[1] > 0, bool(self.kind.wave)
         coarse, width = coarse_and_fine(width, parts, substeps, again=again, even=even)
-        wide = min(-(-used // GROUP) * GROUP, LANES)
+        wide = -(-used // WIDTH) * WIDTH
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))
             linear = self._linear.extended(self.kind.matrices(values), values)
             matrices = [substep_matrices(*linear, w[:wide]) for w in width]
         core = (_NO_CORE, _NO_CORE, _NO_CORE)
         if self._slopes[0].size:
-            core = (lane_last(linear[0]), lane_last(linear[1]), lane_last(linear[2]))
+            core = (by_vector(linear[0]), by_vector(linear[1]), by_vector(linear[2]))
         return Workspace(joined(matrices), width, wide, coarse, late, buffer, core)
 
     def begin(self, workspace: Workspace, x: Array) -> None:

@@ -1,7 +1,7 @@
 """Pieces of data that run at the same time, in the lanes of one block or in two threads.
 
-A step costs nearly the same for one lane as for eight.  Where few parameter vectors are simulated,
-stretches that know nothing of each other share a block; where many are, each thread has a block.
+A step costs the same for one lane as for the eight of a vector.  Where parameter vectors leave
+lanes idle, stretches that know nothing of each other share a block; else each thread has a block.
 A long stretch of a motor without memory is cut: after some time constants nothing is left of what
 its state was, so that a piece may begin that much earlier, at rest.  Where two pieces meet they
 must agree; otherwise nothing is cut.
@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.native import LANES
 from motor_sysid.physics.threads import shared
+from motor_sysid.physics.vector import WIDTH
 
 if TYPE_CHECKING:
     from motor_sysid.physics.rollout import Program
@@ -37,8 +38,8 @@ output; the implicit part of a step is not solved better than that."""
 SPARSE = 16
 """Every so manieth row tells how large an output is."""
 
-WORTH_IT = 1.5
-"""How many times fewer samples must be run: a lane with data of its own costs more."""
+WORTH_IT = 1.2
+"""How many times fewer steps must be run: a lane with data of its own costs more."""
 
 
 @dataclass(frozen=True)
@@ -82,13 +83,15 @@ def run_side_by_side(
     -------
     For each stretch (N, n_y, P) outputs; nothing, if that is no gain or pieces disagree.
     """
-    lengths, lanes = [len(drive.inputs) for drive in drives], LANES // table.shape[1]
+    lengths, size = [len(drive.inputs) for drive in drives], table.shape[1]
     if not _can_join(drives):
         return []
-    pieces = pieces_of(lengths, lanes * threads, run_in(program, table, drives))
-    packs = _packed(pieces, max(min(lanes, -(-len(pieces) // threads)), 1))
-    busy = sum(len(pack[0]) for pack in packs) / (1 if lanes > 1 else threads)
-    if WORTH_IT * busy > sum(lengths):
+    known = run_in(program, table, drives)
+    packs = min(
+        (_packed(lengths, lanes, threads, known) for lanes in _full(size)),
+        key=lambda packs: _steps(packs, size, threads),
+    )
+    if WORTH_IT * _steps(packs, size, threads) > vectors(size) * sum(lengths):
         return []
     whole = _joined(drives)
     rows = np.cumsum([0, *lengths])
@@ -97,7 +100,6 @@ def run_side_by_side(
         return _run_pack(program, table, (whole, rows), drives, states, pack, cut)
 
     runs = list(shared(threads).map(one, packs))
-    size = table.shape[1]
     found = {
         (piece.stretch, piece.kept): (piece, run[: len(piece), :, k * size : (k + 1) * size])
         for pack, run in zip(packs, runs, strict=True)
@@ -162,10 +164,29 @@ def _joined(drives: Sequence[Drive]) -> Drive:
     return Drive(inputs, drives[0].dt, 0.0, position, count=count, ahead=ahead)
 
 
-def _packed(pieces: Sequence[Piece], lanes: int) -> list[list[Piece]]:
+def vectors(lanes: int) -> int:
+    """Return in how many vectors so many lanes are."""
+    return -(-lanes // WIDTH)
+
+
+def _full(size: int) -> set[int]:
+    """Return how many pieces of `size` lanes fill vectors best; one, if no two go into a block."""
+    return {1, *(some * WIDTH // size for some in range(1, LANES // WIDTH + 1))} - {0}
+
+
+def _packed(
+    lengths: Sequence[int], lanes: int, threads: int, run_in: float
+) -> list[list[Piece]]:
     """Return pieces in packs of at most `lanes`, the longest together and first."""
+    pieces = pieces_of(lengths, lanes * threads, run_in)
+    count = max(min(lanes, -(-len(pieces) // threads)), 1)
     longest_first = sorted(pieces, key=len, reverse=True)
-    return [longest_first[k : k + lanes] for k in range(0, len(pieces), lanes)]
+    return [longest_first[k : k + count] for k in range(0, len(pieces), count)]
+
+
+def _steps(packs: Sequence[Sequence[Piece]], size: int, threads: int) -> float:
+    """Return how many steps of vectors each thread has to run."""
+    return sum(len(pack[0]) * vectors(len(pack) * size) for pack in packs) / threads
 
 
 def _run_pack(

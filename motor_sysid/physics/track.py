@@ -1,40 +1,33 @@
 """Where the shaft is between the samples of a measured position, and which rows a lane sees."""
 
-from numba import njit
+
+from motor_sysid.physics.native import inlined
+from motor_sysid.physics.vector import spread, WIDTH, with_element
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def row_in(places, lane, sample):  # type: ignore[no-untyped-def]
     """Return the row of a sample of a lane that has rows of its own, of those that it may see."""
     return min(max(places[0, lane] + sample, places[1, lane]), places[2, lane] - 1)
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def meet(wide, position, places, sample, angle):  # type: ignore[no-untyped-def]
-    """Set `angle` (W,) to the position at a sample."""
+@inlined
+def curve(position, places, first, sample):  # type: ignore[no-untyped-def]
+    """Return the cubic from a sample to the next one, in lane `first` and those behind."""
     if places.shape[1] == 0:
-        for k in range(wide):
-            angle[k] = position[sample]
-    else:
-        for k in range(wide):
-            angle[k] = position[row_in(places, k, sample)]
+        one = cubic(position, sample, 0, position.shape[0])
+        return spread(one[0]), spread(one[1]), spread(one[2]), spread(one[3])
+    here, way, begins, ends = spread(0.0), spread(0.0), spread(0.0), spread(0.0)
+    for k in range(WIDTH):
+        lane = first + k
+        at = row_in(places, lane, sample)
+        one = cubic(position, at, places[1, lane], places[2, lane])
+        here, way = with_element(here, k, one[0]), with_element(way, k, one[1])
+        begins, ends = with_element(begins, k, one[2]), with_element(ends, k, one[3])
+    return here, way, begins, ends
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def follow(wide, position, places, sample, share, angle):  # type: ignore[no-untyped-def]
-    """Set `angle` (W,) to the position at the `share` (W,) of the time to the next sample."""
-    if places.shape[1] == 0:
-        here, way, begins, ends = cubic(position, sample, 0, position.shape[0])
-        for k in range(wide):
-            angle[k] = at_share(share[k], here, way, begins, ends)
-    else:
-        for k in range(wide):
-            at = row_in(places, k, sample)
-            here, way, begins, ends = cubic(position, at, places[1, k], places[2, k])
-            angle[k] = at_share(share[k], here, way, begins, ends)
-
-
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
+@inlined
 def cubic(position, row, lowest, end):  # type: ignore[no-untyped-def]
     """Return position, change, and how far both slopes are from it, from a row to the next one.
 
@@ -50,8 +43,9 @@ def cubic(position, row, lowest, end):  # type: ignore[no-untyped-def]
     return here, way, begins, ends
 
 
-@njit(cache=True, nogil=True, error_model='numpy', forceinline=True)
-def at_share(s, here, way, begins, ends):  # type: ignore[no-untyped-def]
+@inlined
+def at_share(s, cubic):  # type: ignore[no-untyped-def]
     """Return the value of a cubic at the share `s` of its way."""
+    here, way, begins, ends = cubic
     bend = 0.5 * s * (1.0 - s) * ((1.0 - s) * begins + s * ends)
     return here + s * way - bend

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.physics.implicit import KEPT_ROWS
 from motor_sysid.physics.kernel import CHUNK
 from motor_sysid.physics.lanes import LANES
+from motor_sysid.physics.vector import WIDTH
 
 Array = NDArray[np.float64]
 
@@ -24,8 +25,8 @@ have."""
 class Workspace:
     """Matrices and lengths of the substeps, lanes in use, coarse pieces, delay, flat memory.
 
-    `linear` is A, B, G of the motor with the lane last, or empty where no law needs them.  See
-    `motor_sysid.physics.kernel.run_block` for shapes.
+    `linear` is A, B, G of the motor by vectors of lanes, (V, n, ..., 8), or empty where no law
+    needs them.  See `motor_sysid.physics.kernel.run_block` for shapes.
     """
 
     matrices: tuple[Array, Array, Array]
@@ -43,7 +44,7 @@ class Workspace:
     @property
     def by_force(self) -> Array:
         """(n, m) change of the state in one step by constant forces of one, in the first lane."""
-        return self.matrices[1][0, :, :, 0]
+        return self.matrices[1][0, 0, :, :, 0]
 
 
 def graded(width: Array, parts: int, *, even: bool = False) -> Array:
@@ -117,19 +118,25 @@ def filled(push: Array) -> Array:
 def joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
     """Return what the kernel multiplies: all of the predictor side by side, and both force parts.
 
-    One set of matrices is given for each piece of a sample, for the lanes in use.
+    One set of matrices is given for each piece of a sample, for the lanes in use: whole vectors.
     """
     n, m, wide = matrices[0][2].shape
     used = n + matrices[0][1].shape[1] + m
-    whole = np.zeros((len(matrices), n, -(-used // CHUNK) * CHUNK, LANES))
-    phi1_force, phi2_force = np.zeros((2, len(matrices), n, m, LANES))
+    whole = np.zeros((wide // WIDTH, len(matrices), n, -(-used // CHUNK) * CHUNK, WIDTH))
+    phi1_force, phi2_force = np.empty((2, wide // WIDTH, len(matrices), n, m, WIDTH))
     for piece, (e, input_part, force_part, force_slope) in enumerate(matrices):
-        whole[piece, :, :used, :wide] = np.concatenate((e, input_part, force_part), axis=1)
-        phi1_force[piece, ..., :wide] = force_part
-        phi2_force[piece, ..., :wide] = force_slope
+        whole[:, piece, :, :used] = in_vectors(np.concatenate((e, input_part, force_part), axis=1))
+        phi1_force[:, piece] = in_vectors(force_part)
+        phi2_force[:, piece] = in_vectors(force_slope)
     return whole, phi1_force, phi2_force
 
 
-def lane_last(matrix: Array) -> Array:
-    """Return matrices (K, n, m) as (n, m, K), in one piece of memory."""
-    return np.ascontiguousarray(np.moveaxis(matrix, 0, 2))
+def in_vectors(matrix: Array) -> Array:
+    """Return matrices (n, m, W) of lanes as (V, n, m, 8) of vectors."""
+    n, m, wide = matrix.shape
+    return matrix.reshape(n, m, wide // WIDTH, WIDTH).transpose(2, 0, 1, 3)
+
+
+def by_vector(matrix: Array) -> Array:
+    """Return matrices (W, n, m) of lanes as (V, n, m, 8) of vectors, in one piece of memory."""
+    return np.ascontiguousarray(in_vectors(np.moveaxis(matrix, 0, 2)))

@@ -8,6 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
+from motor_sysid.physics.native import behind, data_of
+from motor_sysid.physics.vector import get, put, WIDTH
+
 Array = NDArray[np.float64]
 
 _PIECE = 8192
@@ -97,16 +100,34 @@ class Weighting:
 
 @njit(cache=True, nogil=True, error_model='numpy')
 def filtered(values, taps):  # type: ignore[no-untyped-def]
-    """Filter (N, n_y, k) along time with (n_y, order + 1) taps; return (N - order, n_y, k)."""
+    """Filter (N, n_y, k) along time with (n_y, order + 1) taps; return (N - order, n_y, k).
+
+    Eight rows, and vectors of eight numbers in them, at a time.
+    """
     order = taps.shape[1] - 1
     count, outputs, width = values.shape
-    found = np.zeros((max(count - order, 0), outputs, width))
-    for t in range(found.shape[0]):
+    rows, row = max(count - order, 0), outputs * width
+    found, given = np.empty((rows, outputs, width)), np.ascontiguousarray(values)
+    tap = np.empty((order + 1, WIDTH, outputs, width))
+    for lag in range(order + 1):
         for j in range(outputs):
-            for lag in range(order + 1):
-                tap = taps[j, lag]
-                for k in range(width):
-                    found[t, j, k] += tap * values[t + order - lag, j, k]
+            tap[lag, :, j, :] = taps[j, lag]
+    whole = rows - rows % WIDTH
+    into, at, by = data_of(found), data_of(given), data_of(tap)
+    for first in range(0, whole, WIDTH):
+        begin = behind(at, (first + order) * row)
+        for k in range(0, WIDTH * row, WIDTH):
+            total = get(by, k) * get(begin, k)
+            for lag in range(1, order + 1):
+                total = total + get(by, lag * WIDTH * row + k) * get(begin, k - lag * row)
+            put(into, first * row + k, total)
+    for t in range(whole, rows):
+        for j in range(outputs):
+            for k in range(width):
+                total_of_one = 0.0
+                for lag in range(order + 1):
+                    total_of_one += taps[j, lag] * given[t + order - lag, j, k]
+                found[t, j, k] = total_of_one
     return found
 
 

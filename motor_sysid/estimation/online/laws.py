@@ -24,7 +24,9 @@ from motor_sysid.physics.lanes import (
     ROW_OF_FORCE,
 )
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.native import as_pointer, rows
 from motor_sysid.physics.own_states import correct_own, predict_own
+from motor_sysid.physics.vector import put, spread, WIDTH
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -197,28 +199,27 @@ def evaluate_columns(buffer, base, calls, reads, signals, out):  # type: ignore[
         row = reads[r, 0] * LANES
         for k in range(LANES):
             buffer[row + k] = signals[reads[r, 1]]
-    at = 0
+    p, at = as_pointer(base), 0
     for i in range(calls.shape[0]):
         row, wide = calls[i, _TARGET], calls[i, _WIDTH]
-        for k in range(wide):
-            buffer[row + k] = 0.0
-        call_all(wide, base, calls, i, i + 1)
+        for k in range(0, wide, WIDTH):
+            put(p, row + k, spread(0.0))
+            call_all(base + 8 * k, calls, i, i + 1)
         for k in range(wide):
             out[at + k] = buffer[row + k]
         at += wide
 
 
 @njit(cache=True, error_model='numpy')
-def _advance_own(p, base, calls, fades, values, rates, h):  # type: ignore[no-untyped-def]
+def _advance_own(buffer, base, calls, fades, values, rates, h):  # type: ignore[no-untyped-def]
     """Take the simulator's step of the own states; one that left all bounds begins anew."""
-    count = values.size
-    step, work = np.full(1, h), np.empty((3, 1))
-    old, old_rate, ahead = np.empty((3, count, 1))
-    evaluate_rates(1, p, base, calls, rates)
-    predict_own(1, p, base, calls, fades, values, rates, step, old, old_rate, ahead, work)
-    evaluate_rates(1, p, base, calls, rates)
-    correct_own(1, p, base, calls, fades, values, rates, step, old, old_rate, work)
+    count, p, step = values.size, as_pointer(base), spread(h)
+    old, old_rate, ahead = rows(count), rows(count), rows(count)
+    evaluate_rates(p, base, calls, rates)
+    predict_own(p, base, calls, fades, values, rates, step, old, old_rate, ahead)
+    evaluate_rates(p, base, calls, rates)
+    correct_own(p, base, calls, fades, values, rates, step, old, old_rate)
     for s in range(count):
-        value = p[values[s]] if abs(p[values[s]]) < _ABSURD else 0.0
+        value = buffer[values[s]] if abs(buffer[values[s]]) < _ABSURD else 0.0
         for k in range(LANES):
-            p[values[s] + k] = value
+            buffer[values[s] + k] = value
