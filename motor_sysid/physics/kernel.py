@@ -49,15 +49,13 @@ from motor_sysid.physics.buffer import (
     within,
 )
 from motor_sysid.physics.effect import ARGUMENTS
+from motor_sysid.physics.exponential import CHUNK
 from motor_sysid.physics.implicit import has_turned, KEPT_ROWS, secants, settle, weighed
 from motor_sysid.physics.native import as_pointer, behind, compiled, data_of, inlined, LANES, rows
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.readings import hold_shown, share_of, show
 from motor_sysid.physics.track import at_share, curve
 from motor_sysid.physics.vector import get, put, some, spread, where, WIDTH
-
-CHUNK = 3
-"""Products that are summed at a time."""
 
 OMEGA, THETA = ARGUMENTS.index('omega'), ARGUMENTS.index('theta')
 

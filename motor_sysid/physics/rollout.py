@@ -11,7 +11,7 @@ from motor_sysid.physics.calls import Calls, integers
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import ARGUMENTS, Effect
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.exponential import substep_matrices
+from motor_sysid.physics.exponential import in_vectors, step_matrices
 from motor_sysid.physics.implicit import KEPT_ROWS
 from motor_sysid.physics.kernel import run_block
 from motor_sysid.physics.lanes import (
@@ -30,12 +30,10 @@ from motor_sysid.physics.side_by_side import run_side_by_side
 from motor_sysid.physics.threads import shared
 from motor_sysid.physics.vector import WIDTH
 from motor_sysid.physics.workspace import (
-    by_vector,
     coarse_and_fine,
     delays,
     filled,
     halves,
-    joined,
     Workspace,
 )
 
@@ -330,11 +328,10 @@ class Program:
         with np.errstate(all='ignore'):
             values = dict(zip(self.names, full[:, :wide], strict=True))
             linear = self._linear.extended(self.kind.matrices(values), values)
-            matrices = [substep_matrices(*linear, w[:wide]) for w in width]
-        core = (_NO_CORE, _NO_CORE, _NO_CORE)
-        if self._slopes[0].size:
-            core = (by_vector(linear[0]), by_vector(linear[1]), by_vector(linear[2]))
-        return Workspace(joined(matrices), width, wide, coarse, late, buffer, core)
+            a, b, g = (in_vectors(matrix) for matrix in linear)
+            matrices = step_matrices(a, b, g, width)
+        core = (a, b, g) if self._slopes[0].size else (_NO_CORE, _NO_CORE, _NO_CORE)
+        return Workspace(matrices, width, wide, coarse, late, buffer, core)
 
     def begin(self, workspace: Workspace, x: Array) -> None:
         """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow."""

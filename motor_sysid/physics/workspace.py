@@ -7,9 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.implicit import KEPT_ROWS
-from motor_sysid.physics.kernel import CHUNK
 from motor_sysid.physics.lanes import LANES
-from motor_sysid.physics.vector import WIDTH
 
 Array = NDArray[np.float64]
 
@@ -113,30 +111,3 @@ def filled(push: Array) -> Array:
     full = np.zeros((*push.shape[:3], LANES))
     full[..., : push.shape[3]] = push
     return full
-
-
-def joined(matrices: Sequence[tuple[Array, Array, Array, Array]]) -> tuple[Array, Array, Array]:
-    """Return what the kernel multiplies: all of the predictor side by side, and both force parts.
-
-    One set of matrices is given for each piece of a sample, for the lanes in use: whole vectors.
-    """
-    n, m, wide = matrices[0][2].shape
-    used = n + matrices[0][1].shape[1] + m
-    whole = np.zeros((wide // WIDTH, len(matrices), n, -(-used // CHUNK) * CHUNK, WIDTH))
-    phi1_force, phi2_force = np.empty((2, wide // WIDTH, len(matrices), n, m, WIDTH))
-    for piece, (e, input_part, force_part, force_slope) in enumerate(matrices):
-        whole[:, piece, :, :used] = in_vectors(np.concatenate((e, input_part, force_part), axis=1))
-        phi1_force[:, piece] = in_vectors(force_part)
-        phi2_force[:, piece] = in_vectors(force_slope)
-    return whole, phi1_force, phi2_force
-
-
-def in_vectors(matrix: Array) -> Array:
-    """Return matrices (n, m, W) of lanes as (V, n, m, 8) of vectors."""
-    n, m, wide = matrix.shape
-    return matrix.reshape(n, m, wide // WIDTH, WIDTH).transpose(2, 0, 1, 3)
-
-
-def by_vector(matrix: Array) -> Array:
-    """Return matrices (W, n, m) of lanes as (V, n, m, 8) of vectors, in one piece of memory."""
-    return np.ascontiguousarray(in_vectors(np.moveaxis(matrix, 0, 2)))
