@@ -26,7 +26,7 @@ _LARGEST_NORM = 1e12
 
 
 def in_vectors(matrices: Array) -> Array:
-    """Return matrices (W, n, m) of lanes as (V, n, m, 8) of vectors of lanes; W is whole vectors."""
+    """Return matrices (W, n, m) of lanes as (V, n, m, 8) of vectors of lanes; W is 8 V."""
     wide, n, m = matrices.shape
     by_vector = matrices.reshape(wide // WIDTH, WIDTH, n, m)
     return np.ascontiguousarray(np.moveaxis(by_vector, 1, 3), dtype=np.float64)
