@@ -18,6 +18,7 @@ from typing import Any
 from llvmlite import ir
 from numba import njit, types
 from numba.core.cgutils import get_or_insert_function
+from numba.core.errors import TypingError
 from numba.core.typeconv.castgraph import Conversion
 import numba.extending
 from numba.extending import lower_cast, models, overload, register_model
@@ -87,6 +88,8 @@ def _number_to_vector(context, builder, fromty, toty, value):
 @intrinsic
 def spread(typingctx, number):
     """Return a vector of one number, or the vector itself."""
+    if not isinstance(number, types.Number | _Vector):
+        raise TypingError(f'a vector is made of a number, not of {number}')
 
     def codegen(context, builder, sig, args):
         if sig.args[0] == vector:
