@@ -65,12 +65,15 @@ class Pace:
         A sample of `dt` s is cut in `parts`; own states swing as far in the longest as they may.
         """
         values: dict[str, float] = dict(zip(self._names, column.tolist(), strict=True))
+        steps = max(self._kind.substeps(values, speed, dt), 1)
+        if not self._swinging:
+            return steps
         longest = float(np.max(graded(np.ones((1, 1)), parts, even=bool(self._kind.wave))))
         swings = [
             values[rate] * math.sqrt(1.0 + values[load]) * dt for rate, load in self._swinging
         ]
-        steps = [math.ceil(min(angle / SWING, MOST_SWINGS) * longest) for angle in swings]
-        return max(self._kind.substeps(values, speed, dt), *steps, 1)
+        asked = [math.ceil(min(angle / SWING, MOST_SWINGS) * longest) for angle in swings]
+        return max(steps, *asked)
 
     def most_steps(self, table: Array, speed: float, dt: float, parts: int) -> int:
         """Return the most `steps` that any of the parameters (K, P) that are finite ask for."""

@@ -13,7 +13,8 @@ class PmsmPlant(Plant):
     """The drive controls both currents at its own rate, in the frame that its encoder tells.
 
     Published are d and q: the currents as measured at the sample, and the mean of the voltages
-    that were commanded until the next.
+    that were commanded until the next.  What the encoder tells of the speed is half a sample old:
+    the drive carries it on, or its angle would be late wherever the motor speeds up.
     """
 
     frame, command = 'dq', 'current'
@@ -23,17 +24,20 @@ class PmsmPlant(Plant):
         loop = CurrentLoop.of(base, 0.9 * FASTEST / self._period)
         self._drive = Foc(loop, setup.supply, self._period)
         self._pairs, self._offset = base['pole_pairs'], base['angle_offset']
+        self._before = 0.0
         return Stepper(setup.model, self._period, max(setup.substeps // setup.periods, 1))
 
     def reset(self) -> None:
         """Start again at rest at position 0."""
         super().reset()
         self._drive.reset()
+        self._before = 0.0
 
     def sample(self, command: float) -> Sample:
         """Measure, then follow the command in A for as many control periods as a sample has."""
         state, periods = self.stepper.state, self.setup.periods
         speed, position = self.sensors.motion(self.stepper.outputs, state)
+        now, self._before = speed + 0.5 * (speed - self._before), speed
         measured, angle = self._measured(), self._electrical(position)
         current = park(*measured, math.cos(angle), math.sin(angle))
         u_d = u_q = 0.0
@@ -42,7 +46,7 @@ class PmsmPlant(Plant):
                 state = self.stepper.state
                 measured = self._measured()
                 angle = self._electrical(self.sensors.counted(state['theta']))
-            legs = self._drive.step(measured, angle, self._pairs * speed, command)
+            legs = self._drive.step(measured, angle, self._pairs * now, command)
             self._apply(legs, state)
             u_d += self._drive.voltage_dq[0] / periods
             u_q += self._drive.voltage_dq[1] / periods
