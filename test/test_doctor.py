@@ -147,6 +147,15 @@ def test_spoilt_data_is_noticed(case: str) -> None:
             require_usable(findings.values())
 
 
+def test_a_moment_of_braking_between_two_gaps_tells_no_sign() -> None:
+    """... but a piece that is long enough does, and so does one that is alone."""
+    whole = motor_record()
+    braking = scaled('speed', -1)(whole)
+    assert 'speed_sign' not in found([whole, braking.slice(0, len(whole) // 20)])
+    assert 'speed_sign' in found([whole, braking])
+    assert 'speed_sign' in found(braking)
+
+
 def test_the_doctor_tells_what_makes_a_duty_cycle_an_input() -> None:
     for case in ('duty cycle alone', 'duty cycle and current'):
         code, _, spoil = SPOILT[case]

@@ -44,6 +44,9 @@ BALANCED = 0.9
 """Share of the voltage that its balance must explain to say that a motor was braked."""
 OPPOSED = -0.3
 """Correlation from which two signals that should agree in sign do not."""
+MOMENT = 0.1
+"""A record of less than this share of the longest shows a moment: the motor may brake in all of
+it, between two gaps, and then its speed runs against the voltage."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +87,10 @@ def check(records: Sequence[Record], k_e: float | None = None) -> Iterator[Findi
         Back-EMF constant from the data sheet in V s/rad, if known.
     """
     seen: set[str] = set()
+    longest = max(map(len, records), default=0)
     for record in sorted(records, key=len, reverse=True):
+        if len(record) < MOMENT * longest:
+            return
         for finding in _check_one(record, k_e):
             if finding.code not in seen:
                 seen.add(finding.code)
