@@ -4,7 +4,6 @@ Pointers to the buffer, `p`, are to the first lane of the vector; its rows lie `
 apart, those of the kernel's own memory `WIDTH`.
 """
 
-
 from motor_sysid.physics.effect import ARGUMENTS, FORCES
 from motor_sysid.physics.native import call_lanes, inlined, LANES
 from motor_sysid.physics.track import row_in

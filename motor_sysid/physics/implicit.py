@@ -11,7 +11,6 @@ that feeds (a friction that falls as the motion begins) has its root beyond c; u
 bracket is known there, the secant from 0 leads on.
 """
 
-
 from motor_sysid.physics.effect import FORCES
 from motor_sysid.physics.native import call_lanes, inlined, LANES
 from motor_sysid.physics.vector import get, put, some, spread, where, WIDTH

@@ -30,7 +30,6 @@ The kernel takes blocks of 32 parameter vectors; the last axis of every array is
 eight lanes at a time through the whole of the data, each number of theirs a `vector`.
 """
 
-
 from motor_sysid.physics.buffer import (
     add_jumps,
     add_push,

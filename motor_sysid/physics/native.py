@@ -11,7 +11,6 @@ from motor_sysid.physics.vector import intrinsic, WIDTH
 LANES = 32
 """Parameter vectors that one block carries, and numbers in a row of its memory."""
 
-
 _OPTIONS: dict[str, Any] = {
     'cache': True, 'nogil': True, 'error_model': 'numpy', '_nrt': False
 }  # fmt: skip

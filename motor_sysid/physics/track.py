@@ -1,6 +1,5 @@
 """Where the shaft is between the samples of a measured position, and which rows a lane sees."""
 
-
 from motor_sysid.physics.native import inlined
 from motor_sysid.physics.vector import spread, WIDTH, with_element
 
