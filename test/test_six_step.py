@@ -17,7 +17,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.physics.datasheet import load_datasheet
 from motor_sysid.physics.drive import Drive
-from motor_sysid.physics.effect import load_effect
+from motor_sysid.physics.effect_file import load_effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.rollout import Program

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.physics.effect import JUMPS
+from motor_sysid.physics.effect import JUMPS, SUM
 from motor_sysid.physics.lanes import Lane
 from motor_sysid.physics.motors.base import Motor
 
@@ -36,6 +36,7 @@ class Calls:
         self._rates: list[tuple[Lane, int, int]] = []
         self._sensors: list[tuple[Lane, int, int]] = []
         self._jumps: list[tuple[Lane, int, int]] = []
+        self._sums: list[tuple[Lane, int, int]] = []
         self.fades: list[bool] = []
 
     def add(self, lane: Lane, own: int, state: int, *, in_core: bool = False) -> None:
@@ -44,6 +45,9 @@ class Calls:
         Equations and rates of effects that are solved `in_core` are not called.
         """
         reads = lane.arguments
+        if lane.target == SUM:
+            self._sums.append((lane, own, state))
+            return
         if in_core and not lane.target.endswith('_sensor'):
             return
         if lane.target in self._equation:
@@ -91,6 +95,11 @@ class Calls:
         return _table(self._sensors)
 
     @property
+    def sums(self) -> Integers:
+        """Laws of what the sum of the shown speed has beyond the angle."""
+        return _table(self._sums)
+
+    @property
     def jumps(self) -> tuple[Integers, Integers]:
         """Laws that move states at once, and the states that they move, each once."""
         moved = dict.fromkeys(call[0].target.removeprefix('jump_') for call in self._jumps)
@@ -100,7 +109,8 @@ class Calls:
     def keep(self) -> list[Lane]:
         """Everything whose address is in a table."""
         equations = [call[1] for call in (*self._stiff, *self._plain, *self._slopes)]
-        return equations + [call[0] for call in (*self._rates, *self._sensors, *self._jumps)]
+        others = (*self._rates, *self._sensors, *self._jumps, *self._sums)
+        return equations + [call[0] for call in others]
 
 
 def _table(calls: Sequence[tuple[Lane, int, int]]) -> Integers:

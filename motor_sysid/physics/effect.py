@@ -16,6 +16,9 @@ argument names say what it needs, and nothing else has to be declared:
 
 ``torque(...)`` is added to the torque balance and ``voltage(...)`` to the voltage balance;
 ``current_sensor(...)`` and ``speed_sensor(...)`` are added to what the sensor shows;
+``speed_sum(...)`` is what the sum of the speeds that the sensor shows has beyond the angle of the
+shaft, and may ask for that sum, ``summed`` (rad), and the speed that is ``shown``: where no
+position is measured, laws that depend on the angle see that sum without it;
 ``jump_i(...)`` and ``jump_omega(...)`` are added to current and speed at the end of a step (what
 happens at once, when the rotor passes an angle, say);
 ``rate(...)`` gives the time derivative of the effect's own state.  A card with ``delay`` set names
@@ -33,14 +36,11 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from functools import cache
 import inspect
-from types import ModuleType
-
-from motor_sysid.errors import UserError
 
 ARGUMENTS = (
     'i', 'omega', 'theta', 'u', 't', 'i_d', 'i_q', 'u_d', 'u_q', 'i_a', 'i_b', 'i_c', 'u_a',
     'u_b', 'u_c', 'di', 'domega', 'turn', 'di_d', 'di_q', 'di_a', 'di_b', 'theta_before', 'step',
-    'slope',
+    'slope', 'summed', 'shown',
 )  # fmt: skip
 """Every state, input and rate of change that a law may ask for, in the order of the kernel's
 rows."""
@@ -48,11 +48,16 @@ rows."""
 FORCES = ('torque', 'voltage', 'voltage_d', 'voltage_q', 'voltage_a', 'voltage_b', 'voltage_c')
 """Every equation that a law may be added to: these are the names of the law functions."""
 
+SPEED_SENSOR = 'speed_sensor'
+
 SENSORS = (
-    'current_sensor', 'speed_sensor', 'current_d_sensor', 'current_q_sensor', 'current_a_sensor',
+    'current_sensor', SPEED_SENSOR, 'current_d_sensor', 'current_q_sensor', 'current_a_sensor',
     'current_b_sensor',
 )  # fmt: skip
 """Every sensor whose reading a law may change; the law's value is added to the signal."""
+
+SUM = 'speed_sum'
+"""Name of the law of what the sum of the shown speed has beyond the angle."""
 
 JUMPS = ('jump_i', 'jump_omega')
 """Every state that a law may move at once, at the end of a step, by adding its value."""
@@ -294,6 +299,9 @@ class Effect:
         Own state to its rate law.
     after:
         Key of the effect that a model must have before this one is looked for, or empty.
+    speed_sum:
+        What the sum of the shown speed has beyond the angle, rad, for one that changes the speed
+        sensor; None where that is nothing.
     """
 
     key: str
@@ -302,6 +310,7 @@ class Effect:
     rates: dict[str, Law]
     source: str
     after: str = ''
+    speed_sum: Law | None = None
 
     def repeated(self) -> 'tuple[Effect, ...]':
         """Return the effect, and beside it each further time that a model may hold it."""
@@ -335,7 +344,8 @@ class Effect:
             for state in self.card.states
             if (law := _of_frame(self.rates, state, frame))
         }
-        return replace(self, laws=laws, rates=rates)
+        summed = self.speed_sum if SPEED_SENSOR in laws else None
+        return replace(self, laws=laws, rates=rates, speed_sum=summed)
 
     def needs(self) -> set[str]:
         """Return the states, inputs and motor parameters that the laws ask for."""
@@ -354,37 +364,3 @@ def arguments(law: Law) -> tuple[str, ...]:
 
 def _of_frame(laws: Mapping[str, Law], name: str, frame: str) -> Law | None:
     return laws.get(f'{name}_{frame}') or laws.get(name)
-
-
-def load_effect(key: str, module: ModuleType) -> Effect:
-    """Read an effect from its module.
-
-    Raises
-    ------
-    UserError
-        If the module has no ``CARD`` or no law, or if an own state has no rate.
-    """
-    card = getattr(module, 'CARD', None)
-    where = getattr(module, '__file__', key)
-    if not isinstance(card, Card):
-        raise UserError(f'effect file {where} defines no CARD; see docs/effects.md')
-    if unknown := set(card.hidden_by) - set(SHORTFALLS):
-        raise UserError(
-            f'effect file {where}: hidden_by names `{min(unknown)}`; '
-            f'it may name {", ".join(SHORTFALLS)}'
-        )
-    forces = (*FORCES, *(f'torque_{frame}' for frame in FRAMES))
-    known = (*forces, REDUCED, *(SECOND + name for name in forces), *SENSORS, *JUMPS)
-    laws = {name: getattr(module, name) for name in known if hasattr(module, name)}
-    if not laws and not card.delay:
-        raise UserError(f'effect file {where} defines no law; write torque(...) or voltage(...)')
-    rates: dict[str, Law] = {}
-    for state in card.states:
-        for frame in ('', *FRAMES):
-            tail = f'_{frame}' if frame else ''
-            rate = getattr(module, f'rate_{state}{tail}', getattr(module, f'rate{tail}', None))
-            if rate is not None:
-                rates[f'{state}{tail}'] = rate
-        if state not in rates:
-            raise UserError(f'effect file {where}: state `{state}` has no rate_{state}(...)')
-    return Effect(key, card, laws, rates, inspect.getsource(module))

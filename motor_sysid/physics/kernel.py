@@ -53,6 +53,7 @@ from motor_sysid.physics.implicit import has_turned, KEPT_ROWS, secants, settle,
 from motor_sysid.physics.native import as_pointer, behind, compiled, data_of, inlined, LANES, rows
 from motor_sysid.physics.own_states import add_rate_laws, correct_own, predict_own
 from motor_sysid.physics.readings import hold_shown, share_of, show
+from motor_sysid.physics.summed import straightened
 from motor_sysid.physics.track import at_share, curve
 from motor_sysid.physics.vector import get, put, some, spread, where, WIDTH
 
@@ -65,7 +66,7 @@ def run_block(  # type: ignore[no-untyped-def]
     inputs, late, position, half, places, push, buffer, first_base, state,
     state_rows, input_rows, force_rows, own_state, time_row,
     lane_calls, stiff_count, stiff_force, rate_calls, memory_offset, memory_rate, memory_fades,
-    linear, slope_calls, slope_force, slope_rows, sensor_calls,
+    linear, slope_calls, slope_force, slope_rows, sensor_calls, sum_calls, sum_lag,
     jump_calls, jump_state, jump_rows,
     output_state, output_rate, output_bias, output_sensor, output_filter, outputs,
 ):  # fmt: skip
@@ -114,6 +115,9 @@ def run_block(  # type: ignore[no-untyped-def]
         (K, 3) addresses of laws, offsets of their own parameters and of their own states.
     memory_fades:
         For each own state whether its rate depends on itself.
+    sum_calls, sum_lag:
+        What the followed position, if it is the sum of a speed, has beyond the angle; see
+        `motor_sysid.physics.summed`.
     jump_calls, jump_state, jump_rows:
         Laws that move states at once at the end of a step, these states, and the rows of what is
         added to them.
@@ -130,6 +134,7 @@ def run_block(  # type: ignore[no-untyped-def]
     n_lanes, n_slopes, n_sensors = lane_calls.shape[0], slope_calls.shape[0], sensor_calls.shape[0]
     n_memory, n_jumps = memory_offset.shape[0], jump_calls.shape[0]
     follows, pushed = position.shape[0] > 0, push.shape[0] > 0
+    summed = follows and (sum_calls.shape[0] > 0 or sum_lag >= 0)
     none = n_lanes + n_slopes + n_memory + n_jumps == 0 and not pushed
     all_in, predicted, previous, rough, old = rows(columns), rows(n), rows(n), rows(n), rows(n)
     begun, start, ended = rows(m), rows(m), rows(m)
@@ -186,6 +191,8 @@ def run_block(  # type: ignore[no-untyped-def]
             begins = zero + sample * dt
             if follows:
                 way = curve(position, places, lane, sample)
+                if summed:
+                    way = straightened(p, base, sum_calls, sum_lag, way, dt, begins)
                 here = way[0]
             if n_sensors > 0:
                 put(p, time_at, begins)

@@ -33,6 +33,7 @@ from motor_sysid.physics.effect import (
     Law,
     SECOND,
     SENSORS,
+    SUM,
 )
 
 LANES = native.LANES
@@ -42,7 +43,8 @@ SHARED = (laws, rotor_frame, native, vector)
 """Modules whose functions laws and lanes call: an edit of theirs makes every lane anew."""
 
 ROW_OF_ARGUMENT = {name: row for row, name in enumerate(ARGUMENTS)}
-ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate((*FORCES, *SENSORS, *JUMPS))}
+_TARGETS = (*FORCES, *SENSORS, *JUMPS, SUM)
+ROW_OF_FORCE = {name: len(ARGUMENTS) + row for row, name in enumerate(_TARGETS)}
 FIRST_PARAMETER_ROW = len(ARGUMENTS) + len(ROW_OF_FORCE)
 
 _TEMPLATE = """
@@ -126,7 +128,7 @@ class _Laws:
 
     def __init__(self, effect: Effect) -> None:
         self.effect = effect
-        named = (*effect.laws.items(), *effect.rates.items())
+        named = (*all_laws(effect).items(), *effect.rates.items())
         self.identity = (effect.source, tuple((name, law.__name__) for name, law in named))
 
     def __eq__(self, other: object) -> bool:
@@ -136,6 +138,11 @@ class _Laws:
         return hash(self.identity)
 
 
+def all_laws(effect: Effect) -> dict[str, Law]:
+    """Return target to law, that of the summed speed among them."""
+    return {**effect.laws, **({SUM: effect.speed_sum} if effect.speed_sum else {})}
+
+
 @cache
 def _compile(
     key: str, source: str, motor_parameters: tuple[str, ...], holder: _Laws
@@ -143,7 +150,7 @@ def _compile(
     effect = holder.effect
     lanes = [
         _lane(effect, law, target, f'{ROW_OF_FORCE[target] * LANES}', motor_parameters)
-        for name, law in effect.laws.items()
+        for name, law in all_laws(effect).items()
         for target in [name.removeprefix(SECOND)]
     ]
     count = len(effect.card.states)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.physics.calls import Calls, integers
 from motor_sysid.physics.drive import Drive
-from motor_sysid.physics.effect import ARGUMENTS, Effect
+from motor_sysid.physics.effect import ARGUMENTS, Effect, SPEED_SENSOR
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.exponential import in_vectors, step_matrices
 from motor_sysid.physics.implicit import KEPT_ROWS
@@ -27,6 +27,7 @@ from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.pace import Pace
 from motor_sysid.physics.readings import filter_of, NONE, placed
 from motor_sysid.physics.side_by_side import run_side_by_side
+from motor_sysid.physics.summed import is_stepwise, summing
 from motor_sysid.physics.threads import shared
 from motor_sysid.physics.vector import WIDTH
 from motor_sysid.physics.workspace import (
@@ -40,6 +41,7 @@ from motor_sysid.physics.workspace import (
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0, 0))
+_NO_SUMS = np.empty((0, 3), dtype=np.int64), -1
 _ALL_THE_SAME = np.empty((3, 0), dtype=np.int64)
 
 
@@ -81,7 +83,7 @@ class Program:
         speed_sensor: SpeedSensor = SpeedSensor.IDEAL,
     ) -> None:
         self.kind, self.outputs = kind, tuple(outputs)
-        self.effects = tuple(kind.taking(one) for one in effects)
+        self.effects = tuple(summing(kind.taking(one), speed_sensor) for one in effects)
         self.speed_sensor = speed_sensor
         self.names = tuple(p.name for p in kind.parameters) + tuple(
             f'{e.key}.{p.name}' for e in effects for p in e.card.parameters
@@ -133,7 +135,7 @@ class Program:
         self._delay_names = [self.names.index(name) for name in delays]
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
-        self._slopes, self._sensors = calls.slopes, calls.sensors
+        self._slopes, self._sensors, self._sums = calls.slopes, calls.sensors, calls.sums
         self.has_sensors = len(calls.sensors) > 0
         laws, moved = calls.jumps
         rows = [ROW_OF_FORCE[f'jump_{self.kind.states[j]}'] for j in moved]
@@ -148,6 +150,9 @@ class Program:
         zero_row = self._rows - 1
         states, differenced, bias, sensor, filters = [], [], [], [], []
         rows = dict(zip(self.names, self._parameter_rows.tolist(), strict=True))
+        stepwise = [one for one in self.effects if is_stepwise(one, self.speed_sensor)]
+        passed = filter_of(SPEED_SENSOR, stepwise, rows)
+        self._sum_lag = passed[1]
         for signal in self.outputs:
             if signal not in known:
                 raise UserError(f'a {self.kind.title} model does not predict `{signal}`')
@@ -159,9 +164,7 @@ class Program:
                 FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
             )
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
-            stepwise = signal == 'speed' and self.speed_sensor is not SpeedSensor.IDEAL
-            found = filter_of(f'{signal}_sensor', self.effects, rows) if stepwise else NONE
-            filters.append(found)
+            filters.append(passed if signal == 'speed' else NONE)
         self._outputs = (
             *map(integers, (states, differenced, bias, sensor)),
             placed(filters, len(self.kind.states), self._core_rows),
@@ -387,6 +390,7 @@ class Program:
             *self._slopes,
             self._slope_rows,
             self._sensors,
+            *((self._sums, self._sum_lag) if drive.ahead.size else _NO_SUMS),
             *self._jumps,
             *self._outputs,
             outputs,

@@ -21,6 +21,7 @@ from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.rollout import Program
+from motor_sysid.physics.summed import seen_by
 
 Array = NDArray[np.float64]
 
@@ -103,9 +104,12 @@ def _needs_its_own_model(variant: Variant) -> bool:
     one = variant.effect
     rates = {f'd{force.own_state}' for force in variant.model.kind.forces}
     twice = any(name.startswith(SECOND) for name in one.laws)
+    others = [effect(key) for key in variant.model.effects if key != one.key]
+    turns = one.speed_sum and any('theta' in other.needs() for other in others)
     return bool(
-        one.card.states or one.card.delay or one.needs() & rates or twice or variant.inherits
-    )
+        one.card.states or one.card.delay or one.needs() & rates or twice or turns
+        or variant.inherits
+    )  # fmt: skip
 
 
 def _in_model(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
@@ -205,7 +209,7 @@ def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
     late = sum(model[f'{one.key}.{one.card.delay}'] for one in effects if one.card.delay)
     paths = []
     for chain in problem.chains:
-        drives = [stretch.drive.told_by(model.speed_sensor) for stretch in chain]
+        drives = [seen_by(model, stretch.drive) for stretch in chain]
         runs = program.run_chain(table, drives, [start_of(model, table, s) for s in chain])
         for drive, run in zip(drives, runs, strict=True):
             states: Path = {

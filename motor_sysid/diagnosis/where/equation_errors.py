@@ -17,7 +17,9 @@ from motor_sysid.physics.effect import arguments, Effect, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.linear_effects import along
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors.base import Output
 from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.summed import seen_by
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -29,19 +31,18 @@ _DEGREE = 3
 def measured_states(model: Model, record: Record) -> dict[str, Array]:
     """Return the measured states of a uniform record, and its inputs as laws see them.
 
-    Sensor offsets are taken out, and a differenced speed is moved back by half a sample.
+    What sensors add without memory is taken out, and a differenced speed is moved back by half a
+    sample.
     """
     kind, states = model.kind, {}
     for output in kind.outputs:
         if output.signal in record:
-            states[output.state] = record[output.signal] - (
-                model[output.bias] if output.bias else 0.0
-            )
-    speed = measured_speed(record)
+            states[output.state] = _measured(model, output, record[output.signal])
+    speed = states['omega'] if 'omega' in states else measured_speed(record)
     if 'speed' in record and model.speed_sensor is SpeedSensor.DIFFERENCE:
         speed = np.append(0.5 * (speed[1:] + speed[:-1]), speed[-1])
     states['omega'] = speed
-    drive = Drive.of(record, kind).told_by(model.speed_sensor)
+    drive = seen_by(model, Drive.of(record, kind))
     if drive.position.size:
         states['theta'] = drive.position
     inputs = [record[name] for name in input_signals(record, kind)]
@@ -52,6 +53,19 @@ def measured_states(model: Model, record: Record) -> dict[str, Array]:
     if any(f'd{force.own_state}' in asked for force in kind.forces):
         states.update(rates_of(model, states, record.dt))
     return states
+
+
+def _measured(model: Model, output: Output, shown: Array) -> Array:
+    """Return what a sensor measures, (N,), of what it shows; its laws are straight lines."""
+    offset, gain = model[output.bias] if output.bias else 0.0, 1.0
+    for one in map(model.effect, model.effects):
+        law = one.laws.get(f'{output.signal}_sensor')
+        own = {p.name: model[f'{one.key}.{p.name}'] for p in one.card.parameters}
+        known = {**model.parameters.values(), **own}
+        if law is not None and set(arguments(law)) <= {*known, output.state}:
+            still, moved = (law(*[known.get(n, x) for n in arguments(law)]) for x in (0.0, 1.0))
+            offset, gain = offset + still, gain + moved - still
+    return (shown - offset) / gain
 
 
 def rates_of(model: Model, states: Mapping[str, Array], dt: float) -> dict[str, Array]:

@@ -25,6 +25,7 @@ from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Term
+from motor_sysid.physics.summed import seen_by
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -190,7 +191,7 @@ def _core_states(
         states['omega'] = np.gradient(states['theta'], record.dt)
     if not biased:
         return states
-    position = Drive.of(record, model.kind).told_by(model.speed_sensor).position
+    position = seen_by(model, Drive.of(record, model.kind)).position
     if position.size:
         states['theta'] = position
     inputs = [record[name] for name in input_signals(record, model.kind)]

@@ -12,7 +12,8 @@ from pathlib import Path
 import sys
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effect import Effect, load_effect
+from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effect_file import load_effect
 from motor_sysid.signals.units import did_you_mean
 
 _FILES = (

@@ -29,6 +29,11 @@ def speed_sensor(omega: float, omega_f: float, lag: float) -> float:
     return (omega_f - omega) * lag / (lag + 1e-7)
 
 
+def speed_sum(shown: float, lag: float) -> float:
+    """Return what the sum of the shown speed has beyond the angle, in rad."""
+    return -lag * shown
+
+
 def rate(omega: float, omega_f: float, lag: float) -> float:
     """Rate of the filtered speed in rad/s^2."""
     return (omega - omega_f) / (lag + 1e-7)

@@ -17,3 +17,8 @@ CARD = Card(
 def speed_sensor(o: float) -> float:
     """Return what is added to the reading, in rad/s."""
     return o
+
+
+def speed_sum(t: float, o: float) -> float:
+    """Return what the sum of the shown speed has beyond the angle, in rad."""
+    return o * t

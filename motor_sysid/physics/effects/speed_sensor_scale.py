@@ -21,3 +21,8 @@ CARD = Card(
 def speed_sensor(omega: float, g: float) -> float:
     """Return what is added to the reading, in rad/s."""
     return g * omega
+
+
+def speed_sum(summed: float, g: float) -> float:
+    """Return what the sum of the shown speed has beyond the angle, in rad."""
+    return summed * g / (1.0 + g)

@@ -16,7 +16,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effect import load_effect
+from motor_sysid.physics.effect_file import load_effect
 from motor_sysid.physics.laws import PI, THIRD
 from motor_sysid.physics.motors import bldc_laws
 from motor_sysid.physics.motors.base import (

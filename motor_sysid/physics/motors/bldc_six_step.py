@@ -18,7 +18,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from motor_sysid.physics.effect import load_effect
+from motor_sysid.physics.effect_file import load_effect
 from motor_sysid.physics.motors import bldc_six_step_laws, brushed_dc
 from motor_sysid.physics.motors.base import Array, integral_regression, windows
 from motor_sysid.physics.motors.speed import measured_speed

@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effect import load_effect
+from motor_sysid.physics.effect_file import load_effect
 from motor_sysid.physics.motors import pmsm_laws
 from motor_sysid.physics.motors.base import (
     areas,

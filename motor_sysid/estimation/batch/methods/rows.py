@@ -25,6 +25,7 @@ from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Balance
 from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.physics.summed import seen_by
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -113,7 +114,7 @@ def _states(record: Record, model: Model) -> Array:
     for output in model.kind.outputs:
         if output.signal in record:
             known.setdefault(output.state, record[output.signal])
-    drive = Drive.of(record, model.kind).told_by(model.speed_sensor)
+    drive = seen_by(model, Drive.of(record, model.kind))
     if drive.position.size:
         known['theta'] = drive.position
     states = np.zeros((len(record), len(model.kind.states)))
