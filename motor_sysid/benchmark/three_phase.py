@@ -12,9 +12,10 @@ doi:10.1115/1.3140698, without his dead zone).
 
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -27,7 +28,7 @@ _CUTS = 16
 _ROOT_LN2 = math.sqrt(math.log(2.0))
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def shape(machine, angle):  # type: ignore[no-untyped-def]
     """Back-EMF of a phase over ``k_e omega``, at its electrical angle."""
     waves = machine.fifth * math.sin(5.0 * angle) + machine.seventh * math.sin(7.0 * angle)
@@ -42,7 +43,7 @@ def shape(machine, angle):  # type: ignore[no-untyped-def]
     return -(math.copysign(size, ramp) + waves)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def shapes(machine, theta, out):  # type: ignore[no-untyped-def]
     """Fill `out` (3,) with the shapes of the three phases at an angle of the shaft."""
     angle = machine.pole_pairs * theta
@@ -50,7 +51,7 @@ def shapes(machine, theta, out):  # type: ignore[no-untyped-def]
         out[k] = shape(machine, angle - k * 2.0 * math.pi / 3.0)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _flux(machine, inductance, current):  # type: ignore[no-untyped-def]
     """Flux linkage of an axis, V s, and its slope, H."""
     if machine.soft == 0.0:
@@ -61,14 +62,14 @@ def _flux(machine, inductance, current):  # type: ignore[no-untyped-def]
     return inductance * (current + machine.soft * area), inductance * (1.0 + rise)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _rotated(a, b, c, cos, sin):  # type: ignore[no-untyped-def]
     """Parts of three phases on and across the magnet."""
     alpha, beta = (2.0 * a - b - c) / 3.0, (b - c) / math.sqrt(3.0)
     return alpha * cos + beta * sin, beta * cos - alpha * sin
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def slopes(machine, x, v, form, out):  # type: ignore[no-untyped-def]
     """Fill ``out[:3]`` with di/dt of the phases under terminal voltages; return the torque.
 
@@ -94,7 +95,7 @@ def slopes(machine, x, v, form, out):  # type: ignore[no-untyped-def]
     return pull + 1.5 * machine.pole_pairs * (flux_d * i_q - flux_q * i_d)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _holding(machine, x, v, form, phase, out):  # type: ignore[no-untyped-def]
     """Return the terminal voltage at which the current of one phase does not change, V."""
     v[phase] = 0.0
@@ -105,7 +106,7 @@ def _holding(machine, x, v, form, phase, out):  # type: ignore[no-untyped-def]
     return -at_zero / (out[phase] - at_zero)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def terminals(machine, x, low, high, flow, form, v, out):  # type: ignore[no-untyped-def]
     """Fill `v` (3,) with the terminal voltages for given directions of flow (0: none)."""
     still = 0
@@ -123,7 +124,7 @@ def terminals(machine, x, low, high, flow, form, v, out):  # type: ignore[no-unt
             v[k] = 0.5 * (least + most) + emf * form[k]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _neutral(emf, low, high, form):  # type: ignore[no-untyped-def]
     """Range of the neutral's voltage in which no leg conducts, V; empty if one must."""
     least, most = -np.inf, np.inf
@@ -133,7 +134,7 @@ def _neutral(emf, low, high, form):  # type: ignore[no-untyped-def]
     return least, most
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _flows(machine, x, low, high, form, flow, v, out):  # type: ignore[no-untyped-def]
     """Fill `flow` (3,) with the direction of each current over the next step; 0: held at zero."""
     still = 0
@@ -160,7 +161,7 @@ def _flows(machine, x, low, high, form, flow, v, out):  # type: ignore[no-untype
             flow[k] = 1.0 if v[k] < low[k] else -1.0 if v[k] > high[k] else 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _load(machine, x, t):  # type: ignore[no-untyped-def]
     """Torque on the shaft that neither currents nor dry friction make, N m."""
     omega = x[OMEGA]
@@ -174,7 +175,7 @@ def _load(machine, x, t):  # type: ignore[no-untyped-def]
     return torque - _wound(machine, x)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _wound(machine, x):  # type: ignore[no-untyped-def]
     """Torque of the shaft on the load behind it, N m."""
     if machine.J_load == 0.0:
@@ -182,20 +183,20 @@ def _wound(machine, x):  # type: ignore[no-untyped-def]
     return machine.spring * x[TWIST] + machine.damper * (x[OMEGA] - x[OMEGA_L])
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _dry(machine, speed, torque):  # type: ignore[no-untyped-def]
     """Size of dry friction under a torque of the currents, N m."""
     rise = machine.tau_s * math.exp(-((speed / machine.omega_s) ** 2))
     return machine.tau_c + rise + machine.mu * abs(torque)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _sticks(machine):  # type: ignore[no-untyped-def]
     """Whether there is dry friction."""
     return machine.tau_c + machine.tau_s + machine.mu > 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _moving(machine, x, torque, t):  # type: ignore[no-untyped-def]
     """Direction of motion over the next step; 0 where dry friction holds."""
     if not _sticks(machine):
@@ -206,7 +207,7 @@ def _moving(machine, x, torque, t):  # type: ignore[no-untyped-def]
     return np.sign(net) if abs(net) > _dry(machine, 0.0, torque) else 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _rates(machine, x, low, high, flow, way, t, work, out):  # type: ignore[no-untyped-def]
     """Fill `out` (8,) with the time derivatives; ``work[:3, 1]`` are the terminal voltages."""
     form, v = work[0, :3], work[1, :3]
@@ -231,7 +232,7 @@ def _rates(machine, x, low, high, flow, way, t, work, out):  # type: ignore[no-u
         out[TWIST] = x[OMEGA] - x[OMEGA_L]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _step(machine, x, low, high, flow, way, t, h, work, new):  # type: ignore[no-untyped-def]
     """One classical Runge-Kutta step from `x` to `new`."""
     k, at = work[2], work[3]
@@ -247,7 +248,7 @@ def _step(machine, x, low, high, flow, way, t, h, work, new):  # type: ignore[no
             at[j] = x[j] + reach * k[j]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def advance(machine, x, low, high, t, h, work):  # type: ignore[no-untyped-def]
     """Advance the state by one step, cut wherever a current or the speed passes through zero.
 
@@ -296,13 +297,13 @@ def advance(machine, x, low, high, t, h, work):  # type: ignore[no-untyped-def]
     _take(x, new)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _take(x, new):  # type: ignore[no-untyped-def]
     for j in range(STATES):
         x[j] = new[j]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _stop(x, which):  # type: ignore[no-untyped-def]
     """Set one current, or the speed, to zero; the currents keep their sum of zero."""
     x[which] = 0.0
@@ -312,7 +313,7 @@ def _stop(x, which):  # type: ignore[no-untyped-def]
         x[one], x[two] = rest, -rest
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def span(machine, x, low, high, t, h, steps, work, shown):  # type: ignore[no-untyped-def]
     """Advance by `steps` steps of `h` s; `shown` (3,) gets the mean terminal voltages."""
     for k in range(3):

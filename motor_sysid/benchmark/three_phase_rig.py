@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -17,6 +16,7 @@ from motor_sysid.benchmark.excitation import Profile
 from motor_sysid.benchmark.machine import Machine, MachineSheet
 from motor_sysid.benchmark.three_phase import OMEGA, span, STATES, THETA
 from motor_sysid.control.six_step import FORWARD
+from motor_sysid.machine_code import kept
 from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.phases import park, sector_at
 from motor_sysid.signals.record import Provenance, Record
@@ -110,7 +110,7 @@ class Rig:
         self._count += 1
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _sample(machine, x, older, newer, late, old, bridge, t, work):  # type: ignore[no-untyped-def]
     """Advance the state (8,) by a sample, the first `late` steps under the older command.
 

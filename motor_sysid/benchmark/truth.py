@@ -9,11 +9,11 @@ doi:10.1115/1.3140698, without his dead zone).
 
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.benchmark.plant import Plant
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -138,7 +138,7 @@ def steps_per_sample(plant: Plant, dt: float) -> int:
     return max(int(np.ceil(dt / longest)), 20)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _run(  # type: ignore[no-untyped-def]
     plant, reference, kp, ki, limit, resolution, counts, dt, steps, random, x, voltage, states
 ):  # fmt: skip
@@ -169,7 +169,7 @@ def _run(  # type: ignore[no-untyped-def]
             _advance(plant, x, late, t, h, random[k], work)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _count(angle, counts):  # type: ignore[no-untyped-def]
     """Angle in rad as an encoder shows it."""
     if counts == 0.0:
@@ -178,7 +178,7 @@ def _count(angle, counts):  # type: ignore[no-untyped-def]
     return step * np.floor(angle / step)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _delayed(voltage, newest, middle, h, dt):  # type: ignore[no-untyped-def]
     """Mean voltage over the step of length `h` around the time `middle`."""
     last = int(np.floor((middle + 0.5 * h) / dt + 1e-9))
@@ -191,7 +191,7 @@ def _delayed(voltage, newest, middle, h, dt):  # type: ignore[no-untyped-def]
     return part * now + (1.0 - part) * old
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _advance(plant, x, u, t, h, random, work):  # type: ignore[no-untyped-def]
     """Advance the state by one step, cut wherever speed or current passes through zero."""
     left, new = h, work[2]
@@ -211,7 +211,7 @@ def _advance(plant, x, u, t, h, random, work):  # type: ignore[no-untyped-def]
     x[:] = new
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _cut(old, new, sign):  # type: ignore[no-untyped-def]
     """Part of the step after which a value of that sign is zero; 1 if it does not get there."""
     if new * sign >= 0.0:
@@ -219,7 +219,7 @@ def _cut(old, new, sign):  # type: ignore[no-untyped-def]
     return old / (old - new)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
     """Signs of dry friction and brush drop over the next step; 0 where it rests or has none."""
     moving = np.sign(x[_OMEGA])
@@ -238,13 +238,13 @@ def _signs(plant, x, u, t, random):  # type: ignore[no-untyped-def]
     return moving, flowing
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _dry(plant):  # type: ignore[no-untyped-def]
     rubs = plant.tau_plus > 0.0 or plant.tau_minus > 0.0 or plant.tau_s > 0.0
     return rubs or plant.drift_dry != 0.0 or plant.gear_loss > 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _friction(plant, x, way, speed, t):  # type: ignore[no-untyped-def]
     """Size of the dry friction when moving that way, N m."""
     size = plant.tau_plus if way > 0.0 else plant.tau_minus
@@ -256,7 +256,7 @@ def _friction(plant, x, way, speed, t):  # type: ignore[no-untyped-def]
     return size
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _twist(plant, x):  # type: ignore[no-untyped-def]
     """Torque through the elastic shaft, N m."""
     angle = x[_THETA] - x[_THETA_L]
@@ -267,7 +267,7 @@ def _twist(plant, x):  # type: ignore[no-untyped-def]
     return torque if plant.gap == 0.0 or torque * beyond > 0.0 else 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _constant(plant, i, theta):  # type: ignore[no-untyped-def]
     """Torque and back-EMF constant at that current and angle, N m/A."""
     k = plant.k
@@ -279,7 +279,7 @@ def _constant(plant, i, theta):  # type: ignore[no-untyped-def]
     return k * np.tanh(share) / share if share > 1e-6 else k
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _bristles(plant, omega, bend):  # type: ignore[no-untyped-def]
     """Torque of the bristles against the motion, N m, and the rate of their bend, rad/s."""
     limit = 1.0 + plant.stiction * np.exp(-((omega / plant.omega_s) ** 2))
@@ -290,7 +290,7 @@ def _bristles(plant, omega, bend):  # type: ignore[no-untyped-def]
     return stiffness * bend + damping * fades * slip, slip
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _bridge(plant, i, u, emf):  # type: ignore[no-untyped-def]
     """Voltage that dead time, coasting and a soft supply add to what was asked for, V."""
     added = 0.0
@@ -301,7 +301,7 @@ def _bridge(plant, i, u, emf):  # type: ignore[no-untyped-def]
     return added - plant.sag * u * u * i
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _torque(plant, x, t, random):  # type: ignore[no-untyped-def]
     """Torque on the rotor but for dry friction, N m."""
     i, omega, theta = x[_I], x[_OMEGA], x[_THETA]
@@ -325,7 +325,7 @@ def _torque(plant, x, t, random):  # type: ignore[no-untyped-def]
     return torque
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _rates(plant, x, u, t, random, moving, flowing, out):  # type: ignore[no-untyped-def]
     """Time derivatives (8,) of the state while both signs are held."""
     inertia = plant.J
@@ -354,7 +354,7 @@ def _rates(plant, x, u, t, random, moving, flowing, out):  # type: ignore[no-unt
     out[_I_SHOWN] = (x[_I] - x[_I_SHOWN]) / lag if lag > 0.0 else 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _step(plant, x, u, t, h, random, moving, flowing, work):  # type: ignore[no-untyped-def]
     """One classical Runge-Kutta step; the new state is left in ``work[2]``."""
     k, at, new = work

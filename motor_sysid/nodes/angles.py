@@ -7,10 +7,10 @@ how they were bunched.
 
 from collections.abc import Sequence
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.machine_code import kept
 from motor_sysid.recording.sources import DIVIDED_BY_GEAR, Source
 from motor_sysid.signals.units import TURN
 from motor_sysid.signals.wrapping import ROUNDED
@@ -59,7 +59,7 @@ def _turn(source: Source) -> float:
     return abs(TURN / source.gear_ratio if divided else TURN * source.gear_ratio)
 
 
-@njit(cache=True)
+@kept()
 def _unwrap(values, begins, columns, ranges, given, state):  # type: ignore[no-untyped-def]
     """Do it; a column's state: last, least and largest value, turns, whether it ever jumped."""
     for k in range(values.shape[0]):

@@ -10,11 +10,11 @@ from itertools import pairwise
 import math
 import time
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.stream import EstimateStream, Event
+from motor_sysid.machine_code import kept
 from motor_sysid.nodes.angles import Angles
 from motor_sysid.nodes.topic_plan import TopicReader
 from motor_sysid.nodes.topics import OPTIONAL, SignalPlan
@@ -237,7 +237,7 @@ class Pipeline:
         )
 
 
-@njit(cache=True)
+@kept()
 def _fall_back(stamps, last):  # type: ignore[no-untyped-def]
     """Return which stamps (K,) are not after the one before; `last` is before the first."""
     back = np.empty(stamps.size, dtype=np.bool_)
@@ -247,7 +247,7 @@ def _fall_back(stamps, last):  # type: ignore[no-untyped-def]
     return back
 
 
-@njit(cache=True)
+@kept()
 def _append(ring_stamps, ring_values, taken, stamps, values, good):  # type: ignore[no-untyped-def]
     """Add good samples to the ring; return how many it was given since they began (anew)."""
     for k in range(stamps.size):
@@ -262,7 +262,7 @@ def _append(ring_stamps, ring_values, taken, stamps, values, good):  # type: ign
     return taken
 
 
-@njit(cache=True)
+@kept()
 def _arrange(values, needed, inputs, outputs):  # type: ignore[no-untyped-def]
     """Return which samples (K,) are good, inputs (K, n_u), and outputs (K, n_y), NaN if absent.
 

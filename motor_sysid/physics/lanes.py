@@ -23,6 +23,7 @@ from numba.core.errors import NumbaError
 import numpy as np
 
 from motor_sysid.errors import UserError
+from motor_sysid.machine_code import cache_directory
 from motor_sysid.physics import laws, native, rotor_frame, vector
 from motor_sysid.physics.effect import (
     ARGUMENTS,
@@ -92,18 +93,6 @@ class Lane:
     arguments: frozenset[str]
     own_state: bool
     keep: object
-
-
-def cache_directory() -> Path:
-    """Return the folder of generated lane functions, made if need be.
-
-    ``MOTOR_SYSID_CACHE`` overrides ``~/.cache/motor_sysid``.
-    """
-    given = os.environ.get('MOTOR_SYSID_CACHE')
-    home = os.environ.get('XDG_CACHE_HOME') or Path(os.environ.get('HOME', '/tmp')) / '.cache'
-    folder = Path(given) if given else Path(home) / 'motor_sysid'
-    folder.mkdir(parents=True, exist_ok=True)
-    return folder
 
 
 def compile_effect(effect: Effect, motor_parameters: tuple[str, ...]) -> tuple[Lane, ...]:
@@ -220,6 +209,7 @@ def _generated_module(stem: str, text: str) -> ModuleType:
     path = _path_of(stem, text)
     name = path.stem
     if not path.exists():
+        path.parent.mkdir(parents=True, exist_ok=True)
         fresh = path.with_suffix(f'.{os.getpid()}')
         fresh.write_text(text, encoding='utf-8')
         fresh.replace(path)

@@ -6,19 +6,16 @@ from llvmlite import ir
 from numba import njit, types
 from numba.core.errors import TypingError
 
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.vector import intrinsic, WIDTH
 
 LANES = 32
 """Parameter vectors that one block carries, and numbers in a row of its memory."""
 
-_OPTIONS: dict[str, Any] = {
-    'cache': True, 'nogil': True, 'error_model': 'numpy', '_nrt': False
-}  # fmt: skip
-
-compiled: Any = njit(**_OPTIONS)
+compiled: Any = kept(nogil=True, error_model='numpy', _nrt=False)
 """Compile a function that makes no arrays; references to those that it is given do not count."""
 
-inlined: Any = njit(**_OPTIONS, forceinline=True)
+inlined: Any = kept(nogil=True, error_model='numpy', _nrt=False, forceinline=True)
 """Compile a function that becomes a part of those that call it."""
 
 

@@ -12,11 +12,11 @@ doi:10.1137/0710036; hold and fractional delay: Astrom and Wittenmark, Computer-
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
+from motor_sysid.machine_code import kept
 from motor_sysid.structures.base import Run
 
 Array = NDArray[np.float64]
@@ -65,7 +65,7 @@ def discretized(poles: Array, delay: float) -> Discrete:
     )
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _run(a, now, before, lag, u, x, out):  # type: ignore[no-untyped-def]
     n = x.size
     new = np.empty(n)
@@ -100,7 +100,7 @@ def free(block: Discrete, count: int) -> Array:
     return np.asarray(powers / np.where(size > 0, size, 1.0))
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _powers(a, out):  # type: ignore[no-untyped-def]
     n = a.shape[0]
     row, new = np.zeros(n), np.empty(n)

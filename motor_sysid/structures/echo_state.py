@@ -9,10 +9,10 @@ drive it, so its free run is what it was trained for.  (Jaeger 2001, GMD report 
 
 from collections.abc import Sequence
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.machine_code import kept
 from motor_sysid.structures.base import Kind, Numbers, Run
 
 Array = NDArray[np.float64]
@@ -67,7 +67,7 @@ def _states(numbers: Numbers, u: Array) -> Array:
     return np.column_stack([x, before, np.ones(len(u))])
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _loop(links, entry, offset, rate, u):  # type: ignore[no-untyped-def]
     count, n = len(u), len(offset)
     out = np.zeros((count, n))

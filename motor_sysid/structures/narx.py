@@ -11,11 +11,11 @@ doi:10.1080/00207170310001635419.)
 from collections.abc import Sequence
 from itertools import combinations_with_replacement
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from motor_sysid.machine_code import kept
 from motor_sysid.structures.base import Kind, Numbers, Run
 from motor_sysid.structures.polynomial import best_delay
 
@@ -157,7 +157,7 @@ def _polished(one: Numbers, runs: Sequence[Run]) -> Numbers:
     return best if _cost(best, runs) < _cost(one, runs) else one
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _loop(lags, exponents, factors, u, lost, runaway, out):  # type: ignore[no-untyped-def]
     for k in range(lost, out.size):
         total = 0.0

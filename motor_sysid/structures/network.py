@@ -9,11 +9,11 @@ Hagan and Menhaj 1994, doi:10.1109/72.329697.)
 
 from collections.abc import Sequence
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
+from motor_sysid.machine_code import kept
 from motor_sysid.structures.base import Kind, Numbers, Run
 
 Array = NDArray[np.float64]
@@ -100,7 +100,7 @@ def _layers(layer: Array, linear: Array, rows: Array) -> tuple[Array, Array]:
     return value, np.column_stack([inner, active, wide])
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _loop(layer, linear, size, u, runaway, out):  # type: ignore[no-untyped-def]
     inputs = u.shape[1]
     width = linear.size

@@ -9,10 +9,10 @@ Overschee and De Moor, Subspace Identification for Linear Systems, 1996.)
 
 from collections.abc import Sequence
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.machine_code import kept
 from motor_sysid.structures.base import Kind, Numbers, Run
 
 Array = NDArray[np.float64]
@@ -121,7 +121,7 @@ def _motion(a: Array, c: Array, count: int) -> Array:
     return np.stack(parts, axis=2)
 
 
-@njit(cache=True, nogil=True)
+@kept(nogil=True)
 def _driven(a, push, x):  # type: ignore[no-untyped-def]
     """Return (N, n) states of ``x+ = A x + push``."""
     count, n = push.shape

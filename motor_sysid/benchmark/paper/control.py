@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -43,7 +44,7 @@ class Loop:
         return np.array([self.kp, self.ki, self.kd])
 
 
-@njit(cache=True)
+@kept()
 def pid(error, gains, memory):  # type: ignore[no-untyped-def]
     """Return the input for an error; `memory` (3,) is integral, derivative and error before."""
     kp, ki, kd = gains

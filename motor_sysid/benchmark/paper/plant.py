@@ -6,11 +6,11 @@ steps, whose responses are known in closed form.  No Pade approximation, no roun
 (Astrom and Wittenmark 1997, Computer-Controlled Systems, section 2.3.)
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.benchmark.paper.control import DT, Loop, pid
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -53,7 +53,7 @@ def whole(four: Array) -> Array:
     return np.stack([four[..., 0], four[..., 1], ones, four[..., 2], four[..., 3]], axis=-1)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _waves(a0, a1, a2, t):  # type: ignore[no-untyped-def]
     """Return ``e^(-s t) cosh w t`` and ``e^(-s t) sinh(w t) / w``; -s +- w are the poles."""
     s = 0.5 * a1 / a2
@@ -69,7 +69,7 @@ def _waves(a0, a1, a2, t):  # type: ignore[no-untyped-def]
     return fade * np.cos(w * t), fade * np.sin(w * t) / w
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _advanced(x, v, u, p, t):  # type: ignore[no-untyped-def]
     """Return output and its rate after the time t with the input u held."""
     a0, a1, a2, b, _ = p
@@ -82,7 +82,7 @@ def _advanced(x, v, u, p, t):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _matrix(p, t):  # type: ignore[no-untyped-def]
     """Return (2, 3): output and rate after the time t by output, rate and held input."""
     found, unit = np.empty((2, 3)), np.eye(3)
@@ -91,7 +91,7 @@ def _matrix(p, t):  # type: ignore[no-untyped-def]
     return found
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _respond(p, reference, gains, closed, inside, y):  # type: ignore[no-untyped-def]
     """Fill the output y (N,) of one plant."""
     count = reference.size
@@ -116,7 +116,7 @@ def _respond(p, reference, gains, closed, inside, y):  # type: ignore[no-untyped
         x, v = _moved(second, x, v, u[k - late] if k >= late else 0.0)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _moved(matrix, x, v, u):  # type: ignore[no-untyped-def]
     """Return output and rate after one interval."""
     return (

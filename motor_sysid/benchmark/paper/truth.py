@@ -4,11 +4,11 @@ Classical Runge-Kutta steps of a hundredth of a sample; the delay is a look back
 mean over the step where an edge falls into it.
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.benchmark.paper.control import DT, Loop, pid
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ def run(
     return u, y
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _run(p, reference, gains, closed, inside, noise, y, u):  # type: ignore[no-untyped-def]
     count, h = reference.size, DT / STEPS
     fine = np.zeros(count * STEPS + 1)
@@ -56,7 +56,7 @@ def _run(p, reference, gains, closed, inside, noise, y, u):  # type: ignore[no-u
             fine[k * STEPS + j + 1] = x
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _before(fine, place):  # type: ignore[no-untyped-def]
     """Output at a place between two steps, 0 before the start."""
     if place <= 0:
@@ -66,7 +66,7 @@ def _before(fine, place):  # type: ignore[no-untyped-def]
     return fine[low] + part * (fine[min(low + 1, fine.size - 1)] - fine[low])
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _held(u, newest, middle):  # type: ignore[no-untyped-def]
     """Mean input over a step around the sample `middle`."""
     last = int(np.floor(middle + 0.5 / STEPS - 1e-9))
@@ -79,12 +79,12 @@ def _held(u, newest, middle):  # type: ignore[no-untyped-def]
     return part * now + (1.0 - part) * old
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _rate(p, x, v, u):  # type: ignore[no-untyped-def]
     return (p[3] * u - p[1] * v - p[0] * x) / p[2]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _step(p, x, v, u, h):  # type: ignore[no-untyped-def]
     """One classical Runge-Kutta step."""
     f1 = _rate(p, x, v, u)

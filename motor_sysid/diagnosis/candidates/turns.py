@@ -4,10 +4,10 @@ A step of the simulation takes of a wave the mean of its ends, so a wave that pa
 samples counts less; see `motor_sysid.physics.laws.step_share`.
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.laws import step_share
 from motor_sysid.physics.native import LANES
 
@@ -21,7 +21,7 @@ _LENGTHS = 4096
 """Lengths of a step that are told apart: most energies are right to half a per cent."""
 
 
-@njit(cache=True, nogil=True, error_model='numpy', fastmath={'reassoc', 'contract'})
+@kept(nogil=True, error_model='numpy', fastmath={'reassoc', 'contract'})
 def add_waves(theta, step, pull, total):  # type: ignore[no-untyped-def]
     """Add to `total` (top + 1,) the correlation of one stretch with cosine and sine of each order.
 
@@ -74,7 +74,7 @@ def by_length(step: Array, square: Array) -> tuple[Array, Array]:
     return length[there] / size[there], size[there]
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kept(nogil=True, error_model='numpy')
 def add_energy(step, square, power, energy):  # type: ignore[no-untyped-def]
     """Add to `energy` (top + 1,) that of the cosine (or sine) of each order in the outputs.
 

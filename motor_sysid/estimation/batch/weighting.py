@@ -3,11 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_toeplitz
 
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.native import behind, data_of
 from motor_sysid.physics.vector import get, put, WIDTH
 
@@ -98,7 +98,7 @@ class Weighting:
         return rest
 
 
-@njit(cache=True, nogil=True, error_model='numpy')
+@kept(nogil=True, error_model='numpy')
 def filtered(values, taps):  # type: ignore[no-untyped-def]
     """Filter (N, n_y, k) along time with (n_y, order + 1) taps; return (N - order, n_y, k).
 

@@ -1,12 +1,13 @@
 """The small matrix algebra of a filter, compiled: calls of numpy would cost more than it."""
 
-from numba import njit
 import numpy as np
+
+from motor_sysid.machine_code import kept
 
 # The filter's state is (motor state n, moved parameters p, offsets); only the first n move.
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def propagate(p, slope, kick, wander, most, h):  # type: ignore[no-untyped-def]
     """Return F P F' + Q, symmetric.
 
@@ -52,7 +53,7 @@ def propagate(p, slope, kick, wander, most, h):  # type: ignore[no-untyped-def]
     return out
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def project(p, rows):  # type: ignore[no-untyped-def]
     """Return P H' (d, k) and H P H' (k, k) for rows H (k, d)."""
     d, k = p.shape[0], rows.shape[0]
@@ -69,7 +70,7 @@ def project(p, rows):  # type: ignore[no-untyped-def]
     return cross, spread
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def largest_stride(cross, total, innovation, stride):  # type: ignore[no-untyped-def]
     """Return the largest move of a parameter in units of its stride, at least 1.
 
@@ -91,7 +92,7 @@ def largest_stride(cross, total, innovation, stride):  # type: ignore[no-untyped
     return ratio
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def widen(p, prior, factor):  # type: ignore[no-untyped-def]
     """Raise the covariance (d, d) by a factor, in place, but that of no parameter above its prior.
 
@@ -106,7 +107,7 @@ def widen(p, prior, factor):  # type: ignore[no-untyped-def]
             p[i, j] *= scale[i] * scale[j]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def joseph(x, p, z, rows, noise):  # type: ignore[no-untyped-def]
     """Take a measurement: return the state and its covariance after it.
 
@@ -142,7 +143,7 @@ def joseph(x, p, z, rows, noise):  # type: ignore[no-untyped-def]
     return after, whole
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def settle(x, p, lower, upper):  # type: ignore[no-untyped-def]
     """Make the covariance (d, d) symmetric and keep the last entries of the state in their box."""
     d, first = x.size, x.size - lower.size

@@ -1,8 +1,9 @@
 """What the samples before a window tell of the parameters: a quadratic, its arrival cost."""
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -70,7 +71,7 @@ class Arrival:
         self.center = np.asarray(np.linalg.solve(self.information, right), dtype=np.float64)
 
 
-@njit(cache=True)
+@kept()
 def bounded_step(information, pull, lower, upper):  # type: ignore[no-untyped-def]
     """Minimize ``s' information s / 2 - pull' s`` with some of ``s`` (m,) between bounds.
 

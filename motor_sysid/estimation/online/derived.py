@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.laws import evaluate_columns
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.lanes import (
     compile_effect,
     FIRST_PARAMETER_ROW,
@@ -59,7 +59,7 @@ class DerivedSignals:
             )  # fmt: skip
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _fill(buffer, base, calls, reads, signals, first, out):  # type: ignore[no-untyped-def]
     for end in range(2):
         evaluate_columns(buffer, base, calls, reads, signals[end], out)

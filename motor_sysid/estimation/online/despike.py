@@ -3,9 +3,10 @@
 import math
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -64,7 +65,7 @@ class Despiker:
         return Sample(held.time, held.length, held.u, clean, held.before, held.after)
 
 
-@njit(cache=True)
+@kept()
 def _clean(y, before, after, typical):  # type: ignore[no-untyped-def]
     """Return `y` (n_y,) without spikes; `typical` (n_y,) distances from neighbours are learned."""
     clean = y.copy()

@@ -21,11 +21,11 @@ From sample to sample both covariances travel as that of the pair, ``P_x + W P_z
 ``W P_z``, whose prediction is exactly that of the two filters and of ``W``.
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.algebra import joseph
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class DualUpdate:
         return _update(self._motor, x, p, z, rows, noise)  # type: ignore[no-any-return]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _update(n, x, p, z, rows, noise):  # type: ignore[no-untyped-def]
     """Return state (d,) and covariance (d, d) after a measurement."""
     size = np.sqrt(np.diag(p)[n:])
@@ -85,7 +85,7 @@ def _update(n, x, p, z, rows, noise):  # type: ignore[no-untyped-def]
     return state, whole
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _joseph(p, gain, rows, noise):  # type: ignore[no-untyped-def]
     left = np.eye(p.shape[0]) - gain @ rows
     return left @ p @ left.T + gain @ noise @ gain.T

@@ -8,7 +8,6 @@ from collections.abc import Mapping, Sequence
 from itertools import count
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -16,6 +15,7 @@ from motor_sysid.estimation.online.filters import advance, StateVariableFilter
 from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
 from motor_sysid.estimation.online.learners.base import Learner
 from motor_sysid.estimation.online.regressors import RAW, signal_names
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Balance, Term
 
@@ -258,7 +258,7 @@ def signal_places(
     return table
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def fill_row(  # type: ignore[no-untyped-def]
     places, factors, buffer, base, calls, reads, measured, tracked, row
 ):
@@ -272,7 +272,7 @@ def fill_row(  # type: ignore[no-untyped-def]
     evaluate_columns(buffer, base, calls, reads, tracked, row[factors.size :])
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _advance_filters(  # type: ignore[no-untyped-def]
     places, factors, buffer, base, calls, reads, measured, tracked, value, slope, gains,
     bandwidth, h,
@@ -285,7 +285,7 @@ def _advance_filters(  # type: ignore[no-untyped-def]
     advance(value, slope, gains, bandwidth, first, last, h)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _sort(value, slope, roles, weights, drive, x):  # type: ignore[no-untyped-def]
     """Return the known side, divided by the drive's parameter; set the regressors ``x`` (d,).
 

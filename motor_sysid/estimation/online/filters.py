@@ -8,9 +8,10 @@ Models from Sampled Data, 2008.)
 
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class StateVariableFilter:
         advance(self.value, self.slope, self.gains, self.bandwidth, first, last, h)
 
 
-@njit(cache=True)
+@kept()
 def advance(value, slope, gains, bandwidth, first, last, h):  # type: ignore[no-untyped-def]
     """Advance filtered signals and their derivatives, in place; see `StateVariableFilter`.
 
@@ -62,7 +63,7 @@ def advance(value, slope, gains, bandwidth, first, last, h):  # type: ignore[no-
         slope[k] = gains[2] * v + gains[3] * w + gains[6] * first[k] + gains[7] * last[k]
 
 
-@njit(cache=True)
+@kept()
 def _solve(w, h, gains):  # type: ignore[no-untyped-def]
     a = w * h
     e = math.exp(-a)

@@ -8,11 +8,11 @@ sample does not depend on the length of the window.
 
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.motion import Motion
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 Seen = tuple[Array, Array, Array]
@@ -177,7 +177,7 @@ class Horizon:
         )  # fmt: skip
 
 
-@njit(cache=True)
+@kept()
 def _carry(sensitivity, slope):  # type: ignore[no-untyped-def]
     """Carry sensitivities (n, n + p) through a sample with these slopes, in place."""
     n = sensitivity.shape[0]
@@ -190,7 +190,7 @@ def _carry(sensitivity, slope):  # type: ignore[no-untyped-def]
             sensitivity[i, j] = value
 
 
-@njit(cache=True)
+@kept()
 def _accumulate(x, sensitivity, added, z, rows, noise, scale, block, power):  # type: ignore[no-untyped-def]
     """Add measurements to the normal equations (m, m + 1) and to the powers (2, n) of residuals.
 

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.estimators import known_estimator
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -214,7 +214,7 @@ def _known_outputs(model: Model, outputs: Sequence[str]) -> tuple[str, ...]:
     return tuple(outputs)
 
 
-@njit(cache=True)
+@kept()
 def _arrange(inputs, columns, outputs):  # type: ignore[no-untyped-def]
     """Return inputs (K, n_u) in the motor's order; make outputs (K, n_y) NaN if not finite."""
     u = np.empty((inputs.shape[0], columns.size))
@@ -227,7 +227,7 @@ def _arrange(inputs, columns, outputs):  # type: ignore[no-untyped-def]
     return u
 
 
-@njit(cache=True)
+@kept()
 def _hold(u, before):  # type: ignore[no-untyped-def]
     """Replace what is not known of an input (n_u,) by the one before."""
     for j in range(u.size):
@@ -235,7 +235,7 @@ def _hold(u, before):  # type: ignore[no-untyped-def]
             u[j] = before[j]
 
 
-@njit(cache=True)
+@kept()
 def _note(prediction, y, keep, residual, power):  # type: ignore[no-untyped-def]
     """Set the residual (n_y,), and keep its power over the last second or so."""
     for j in range(y.size):

@@ -13,7 +13,6 @@ on such tracking filters) and the unexplained torque and voltage that it reckons
 from collections.abc import Callable, Mapping, Sequence
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,6 +22,7 @@ from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.motion import Motion, Move
 from motor_sysid.estimation.online.sensing import Sensing
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -39,7 +39,8 @@ MakeTransform = Callable[[int, int], Transform]
 
 def compiled(motor: int, states: int, outputs: int) -> Update:
     """Return the update that costs least."""
-    return joseph
+    update: Update = joseph
+    return update
 
 
 def linearized(motor: int, moved: int) -> Transform:
@@ -276,7 +277,7 @@ class JointFilter:
         return np.array(self._cov)
 
 
-@njit(cache=True)
+@kept()
 def _outgrown(u, y, size, limit):  # type: ignore[no-untyped-def]
     """Return the size of the input (n_u,), or -1 where it and outputs (n_y,) are as known."""
     largest = 0.0
@@ -288,14 +289,14 @@ def _outgrown(u, y, size, limit):  # type: ignore[no-untyped-def]
     return largest if largest > _GROWTH * size else -1.0
 
 
-@njit(cache=True)
+@kept()
 def _set_steps(steps, x, size):  # type: ignore[no-untyped-def]
     """Set the steps of the differences by the state (n,)."""
     for j in range(x.size):
         steps[j] = 1e-6 * (size[j] + abs(x[j]))
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _spread(  # type: ignore[no-untyped-def]
     x, p, state, slope, by_force, curve, unrest, push, wander, prior, h
 ):

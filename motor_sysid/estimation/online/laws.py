@@ -9,10 +9,10 @@ held.)
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.buffer import call_all, evaluate_rates
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.lanes import (
@@ -190,7 +190,7 @@ class LawColumns:
             _advance_own(*self.table[:2], *self._own, h)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def evaluate_columns(buffer, base, calls, reads, signals, out):  # type: ignore[no-untyped-def]
     """Write every column to `out` (C,) for a vector of signals; see `LawColumns.table`."""
     if calls.shape[0] == 0:
@@ -210,7 +210,7 @@ def evaluate_columns(buffer, base, calls, reads, signals, out):  # type: ignore[
         at += wide
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _advance_own(buffer, base, calls, fades, values, rates, h):  # type: ignore[no-untyped-def]
     """Take the simulator's step of the own states; one that left all bounds begins anew."""
     count, p, step = values.size, as_pointer(base), spread(h)

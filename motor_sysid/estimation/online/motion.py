@@ -4,11 +4,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.coordinates import Coordinates
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
@@ -237,7 +237,7 @@ class _Block:
     workspace: Workspace
 
 
-@njit(cache=True)
+@kept()
 def _is_far(z, center, steps):  # type: ignore[no-untyped-def]
     far = False
     for k in range(z.size):
@@ -245,7 +245,7 @@ def _is_far(z, center, steps):  # type: ignore[no-untyped-def]
     return far
 
 
-@njit(cache=True)
+@kept()
 def _set_lanes(lanes, x, steps, first, last):  # type: ignore[no-untyped-def]
     """Begin every lane at the state (n,), those that differ by a state a step away."""
     for j in range(lanes.shape[0]):
@@ -256,7 +256,7 @@ def _set_lanes(lanes, x, steps, first, last):  # type: ignore[no-untyped-def]
         lanes[j, 2 + 2 * (j - first)] -= steps[j]
 
 
-@njit(cache=True)
+@kept()
 def _set_slopes(lanes, steps, first, last, slope):  # type: ignore[no-untyped-def]
     """Write the central differences of one block to `slope` (n, n + p)."""
     for j in range(lanes.shape[0]):
@@ -265,7 +265,7 @@ def _set_slopes(lanes, steps, first, last, slope):  # type: ignore[no-untyped-de
             slope[j, k] = (lanes[j, at] - lanes[j, at + 1]) / (2 * steps[k])
 
 
-@njit(cache=True)
+@kept()
 def _at(lanes, slope, z, center):  # type: ignore[no-untyped-def]
     """Return the state (n,) of the base, moved from the center to the coordinates (p,)."""
     n = lanes.shape[0]

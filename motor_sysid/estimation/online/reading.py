@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -44,7 +44,7 @@ def readings(model: Model, outputs: Sequence[str], index: Mapping[str, int]) -> 
     return *laws.table, np.array([at, channel], dtype=np.int64), np.array(factors, dtype=float)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def add_shown(buffer, base, calls, reads, columns, factors, signals, x, out):  # type: ignore[no-untyped-def]
     """Add to `out` (n_y,) what the laws show, with factors from the filter's state `x` (d,).
 
@@ -60,7 +60,7 @@ def add_shown(buffer, base, calls, reads, columns, factors, signals, x, out):  #
         out[columns[_CHANNEL, c]] += values[c] * factor
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def shown_slopes(buffer, base, calls, reads, columns, factors, x, state, shown, slopes):  # type: ignore[no-untyped-def]
     """Set what the laws show, (n_y,), and its slopes, (n_y, d), at a filter's state `x` (d,).
 

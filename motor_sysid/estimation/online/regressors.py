@@ -3,7 +3,6 @@
 from collections.abc import Iterable, Mapping, Sequence
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,6 +10,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.derived import DerivedSignals
 from motor_sysid.estimation.online.despike import Sample
 from motor_sysid.estimation.online.reading import add_shown, readings
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.base import Motor
@@ -161,7 +161,7 @@ class Regressors:
         return self._missing <= _PATIENCE
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _set_ends(  # type: ignore[no-untyped-def]
     y, before, now, column, offset, buffer, base, calls, reads, columns, factors, shown, ends
 ):  # fmt: skip
@@ -204,7 +204,7 @@ def _set_ends(  # type: ignore[no-untyped-def]
     return fine
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _bend(  # type: ignore[no-untyped-def]
     ends, tracked, u, time, h, before, after, column, rates, pull, motion, angle
 ):
@@ -241,7 +241,7 @@ def _bend(  # type: ignore[no-untyped-def]
         tracked[end, n + u.size + 1] = h * tracked[end, motion[0]]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _add_motion(ends, h, column, motion, angle):  # type: ignore[no-untyped-def]
     """Add the speed from the position, or the position from the speed."""
     omega, theta, mean_speed = motion

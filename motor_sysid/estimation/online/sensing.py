@@ -6,7 +6,6 @@ one count, white; taken as a speed its noise would be hundreds of times larger a
 
 from collections.abc import Mapping, Sequence
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -14,6 +13,7 @@ from motor_sysid.estimation.online.algebra import largest_stride, project, widen
 from motor_sysid.estimation.online.base import Tuning
 from motor_sysid.estimation.online.reading import add_shown, readings, shown_slopes
 from motor_sysid.estimation.online.trust import judge, see, Trust
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.model import Model, SpeedSensor
 
 Array = NDArray[np.float64]
@@ -129,7 +129,7 @@ class Sensing:
         )  # fmt: skip
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _predict_outputs(  # type: ignore[no-untyped-def]
     channels, fixed, buffer, base, calls, reads, columns, factors, before, x, h, y
 ):  # fmt: skip
@@ -143,7 +143,7 @@ def _predict_outputs(  # type: ignore[no-untyped-def]
     add_shown(buffer, base, calls, reads, columns, factors, x, x, y)
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _measure(  # type: ignore[no-untyped-def]
     channels, fixed, total, table, buffer, base, calls, reads, columns, factors, y, x, p, h,
     prior, stride,
@@ -178,7 +178,7 @@ def _measure(  # type: ignore[no-untyped-def]
     return z, rows, noise, doubt
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _summed(channels, fixed, total, y, x, h):  # type: ignore[no-untyped-def]
     """Return (n_y,) outputs without fixed offsets, a differenced speed as its sum; NaN if unused.
 
@@ -195,7 +195,7 @@ def _summed(channels, fixed, total, y, x, h):  # type: ignore[no-untyped-def]
     return values
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _set_row(channel, slopes, row):  # type: ignore[no-untyped-def]
     """Write the row (d,) of one output: its state, its offset, the slopes of its laws."""
     row[channel[_TARGET]] = 1.0

@@ -19,7 +19,6 @@ model has them, and are said not to be identified.  Their uncertainty is part of
 from collections.abc import Sequence
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +30,7 @@ from motor_sysid.estimation.online.joint import JointFilter
 from motor_sysid.estimation.online.regressors import Regressors, signal_names
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.estimation.online.torques import Torques
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
@@ -164,7 +164,7 @@ class SlidingMode(OnlineEstimator):
         return np.array([[self._variance()]])
 
 
-@njit(cache=True)
+@kept()
 def _observe(state, speed, known, inertia, limit, h):  # type: ignore[no-untyped-def]
     """Take a sample; return the torque of the correction.
 

@@ -6,9 +6,10 @@ second one in a row is believed.  Innovations that stay too large or keep their 
 filter trusts itself too much.
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -59,7 +60,7 @@ class Trust:
         self.table[_SUSPECT] = 0.0
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def see(table, values):  # type: ignore[no-untyped-def]
     """Note the smallest change of each channel (n_y,): noise is not less than rounding."""
     for j in range(values.size):
@@ -69,7 +70,7 @@ def see(table, values):  # type: ignore[no-untyped-def]
         table[_BEFORE, j] = values[j]
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def judge(table, rows, innovation, spread):  # type: ignore[no-untyped-def]
     """Learn from an innovation.
 

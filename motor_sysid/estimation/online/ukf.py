@@ -13,12 +13,12 @@ are states plus offsets, so that the measurement update is that of the extended 
 """
 
 from filterpy.kalman import JulierSigmaPoints
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import solve_triangular
 
 from motor_sysid.estimation.online.motion import Motion, Move
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -63,7 +63,7 @@ def _root_upper(p: Array) -> Array:
     return root
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _root(p):  # type: ignore[no-untyped-def]
     """Return the Cholesky factor, with pivots that rounding made negative at their least."""
     d = p.shape[0]

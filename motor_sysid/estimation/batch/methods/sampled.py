@@ -3,12 +3,12 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
 from motor_sysid.errors import UserError
+from motor_sysid.machine_code import kept
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors.speed import measured_speed
@@ -106,7 +106,7 @@ def response(phi: Array, drive: Array) -> Array:
     return np.asarray(_response(phi, drive))
 
 
-@njit(cache=True, error_model='numpy')
+@kept(error_model='numpy')
 def _response(phi, drive):  # type: ignore[no-untyped-def]
     found = np.zeros_like(drive)
     count, n, width = drive.shape

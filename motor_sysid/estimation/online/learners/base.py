@@ -2,9 +2,10 @@
 
 from abc import ABC, abstractmethod
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ class Learner(ABC):
         """Return the (d, d) covariance of the coefficients."""
 
 
-@njit(cache=True)
+@kept()
 def measure(y, prior, floor, numbers):  # type: ignore[no-untyped-def]
     """Note how large the values of an equation are.
 
@@ -75,7 +76,7 @@ def measure(y, prior, floor, numbers):  # type: ignore[no-untyped-def]
     return numbers[_TOP] > 0.0, first and numbers[_TOP] > 0.0
 
 
-@njit(cache=True)
+@kept()
 def weigh(error, numbers):  # type: ignore[no-untyped-def]
     """Learn the variance of the error; return the sample's weight.
 
@@ -89,7 +90,7 @@ def weigh(error, numbers):  # type: ignore[no-untyped-def]
     return min(1.0, _OUTLIER / max(relative, 1e-300))
 
 
-@njit(cache=True)
+@kept()
 def off(x, y, coefficients):  # type: ignore[no-untyped-def]
     """Return the error of an equation."""
     error = y
@@ -98,7 +99,7 @@ def off(x, y, coefficients):  # type: ignore[no-untyped-def]
     return error
 
 
-@njit(cache=True)
+@kept()
 def absorb(information, coefficients, x, error, weight):  # type: ignore[no-untyped-def]
     """Add a sample to the information (d, d) and step to its least squares, in place."""
     d = x.size

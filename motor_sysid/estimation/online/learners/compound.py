@@ -8,13 +8,13 @@ forgetting least squares; the test is the one of variable forgetting, Fortescue,
 Ydstie 1981, doi:10.1016/0005-1098(81)90070-4.)
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.learners.base import absorb, Learner, measure, off, weigh
 from motor_sysid.estimation.online.learners.forgetting import refresh
 from motor_sysid.estimation.online.learners.sandwich import add, close, Sandwich
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -51,7 +51,7 @@ class Compound(Learner):
         return self._sums.covariance(*parts, self._numbers[0])
 
 
-@njit(cache=True)
+@kept()
 def _learn(  # type: ignore[no-untyped-def]
     coefficients, prior, information, floor, numbers, sums, keep, watch, x, y
 ):
@@ -73,7 +73,7 @@ def _learn(  # type: ignore[no-untyped-def]
         close(sums, coefficients, True)
 
 
-@njit(cache=True)
+@kept()
 def _watch_out(power, watch, block):  # type: ignore[no-untyped-def]
     """Follow the power of the error over a block and over many; switch where they differ.
 

@@ -19,12 +19,12 @@ regressor that is as good as zero; otherwise the noise of a motor at standstill 
 matrix.
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.learners.base import absorb, Learner, measure, off, weigh
 from motor_sysid.estimation.online.learners.sandwich import add, close, Sandwich
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -57,7 +57,7 @@ class Directional(Learner):
         return self._sums.covariance(*parts, self._numbers[0])
 
 
-@njit(cache=True)
+@kept()
 def _learn(  # type: ignore[no-untyped-def]
     coefficients, prior, learned, held, floor, numbers, sums, keep, x, y
 ):
@@ -82,7 +82,7 @@ def _learn(  # type: ignore[no-untyped-def]
         close(sums, coefficients, True)
 
 
-@njit(cache=True)
+@kept()
 def _forget_along(x, prior, top, learned, sums, keep):  # type: ignore[no-untyped-def]
     """Forget along the regressor: ``B <- T B`` with ``T = I - p x x' B^-1 / (x' B^-1 x)``."""
     d, reach, spread = x.size, 0.0, 0.0

@@ -9,12 +9,12 @@ zero, so the covariance is bounded and stays positive definite.  (Forgetting wit
 Gunnarsson, IEEE Conf. Decision and Control 1996.)
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.learners.base import absorb, Learner, measure, off, weigh
 from motor_sysid.estimation.online.learners.sandwich import add, close, Sandwich
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -41,7 +41,7 @@ class Forgetting(Learner):
         return self._sums.covariance(*parts, self._numbers[0])
 
 
-@njit(cache=True)
+@kept()
 def _learn(  # type: ignore[no-untyped-def]
     coefficients, prior, information, floor, numbers, sums, keep, x, y
 ):
@@ -59,7 +59,7 @@ def _learn(  # type: ignore[no-untyped-def]
         close(sums, coefficients, True)
 
 
-@njit(cache=True)
+@kept()
 def refresh(information, turn, floor, keep):  # type: ignore[no-untyped-def]
     """Forget a part of the information (d, d), but nothing of its floor (d,)."""
     for i in range(floor.size):

@@ -18,13 +18,13 @@ What never goes of ``A`` is as in `forgetting`.  The law itself knows no uncerta
 covariance given is that of least squares with the same memory, and how far it still is to these.
 """
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.learners.base import Learner, measure, off, weigh
 from motor_sysid.estimation.online.learners.forgetting import refresh
 from motor_sysid.estimation.online.learners.sandwich import add, close, Sandwich
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -56,7 +56,7 @@ class Gradient(Learner):
         return self._sums.covariance(*parts, self._numbers[0]) + np.outer(left, left)
 
 
-@njit(cache=True)
+@kept()
 def _learn(  # type: ignore[no-untyped-def]
     coefficients, start, prior, information, target, floor, numbers, sums, keep, x, y
 ):

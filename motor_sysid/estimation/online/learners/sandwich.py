@@ -10,9 +10,10 @@ every sample's ``T`` is passed on to the blocks before it.
 
 from typing import NamedTuple
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
+
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ class Sandwich(NamedTuple):
         return np.asarray(_covariance(self, coefficients, information, floor, prior, tiny))
 
 
-@njit(cache=True)
+@kept()
 def add(sums, x, y, weight):  # type: ignore[no-untyped-def]
     """Add a weighted sample: regressors (d,) and value.  Return whether a block is full."""
     d, present, early, numbers = x.size, sums.present, sums.early, sums.numbers
@@ -94,7 +95,7 @@ def add(sums, x, y, weight):  # type: ignore[no-untyped-def]
     return numbers[_SAMPLES] % numbers[2] == 0
 
 
-@njit(cache=True)
+@kept()
 def close(sums, coefficients, fold):  # type: ignore[no-untyped-def]
     """Begin a new block; what the present one forgot is forgotten of those before.
 
@@ -115,13 +116,13 @@ def close(sums, coefficients, fold):  # type: ignore[no-untyped-def]
     numbers[_CLOSED] += 1
 
 
-@njit(cache=True)
+@kept()
 def _many(size):  # type: ignore[no-untyped-def]
     """Blocks from which their sums tell a variance."""
     return 2 * size + 4
 
 
-@njit(cache=True)
+@kept()
 def _gradient(block, coefficients):  # type: ignore[no-untyped-def]
     d = coefficients.size
     g = np.empty(d)
@@ -132,7 +133,7 @@ def _gradient(block, coefficients):  # type: ignore[no-untyped-def]
     return g
 
 
-@njit(cache=True)
+@kept()
 def _covariance(sums, coefficients, information, floor, prior, tiny):  # type: ignore[no-untyped-def]
     """Return the sandwich, and what the information that never goes pulls towards the prior."""
     d = coefficients.size
@@ -146,7 +147,7 @@ def _covariance(sums, coefficients, information, floor, prior, tiny):  # type: i
     return whole
 
 
-@njit(cache=True)
+@kept()
 def _score(sums, coefficients, information, tiny):  # type: ignore[no-untyped-def]
     """Return the variance of ``sum x e``: by blocks, or before there are enough by guess."""
     d, closed = coefficients.size, int(sums.numbers[_CLOSED])
@@ -162,7 +163,7 @@ def _score(sums, coefficients, information, tiny):  # type: ignore[no-untyped-de
     return score * (count / (count - d) * _student(count - d))
 
 
-@njit(cache=True)
+@kept()
 def _student(freedom):  # type: ignore[no-untyped-def]
     """Return how much a variance of so few degrees of freedom is to be raised.
 
@@ -172,7 +173,7 @@ def _student(freedom):  # type: ignore[no-untyped-def]
     return 1.0 + 2.4 / freedom + 6.0 / freedom**2
 
 
-@njit(cache=True)
+@kept()
 def _guess(sums, coefficients, tiny):  # type: ignore[no-untyped-def]
     """Take every block for one independent error, of which the coefficients have spent some.
 

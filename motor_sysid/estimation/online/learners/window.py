@@ -11,12 +11,12 @@ prior ``A0`` keeps a window without excitation where it was.)
 
 import math
 
-from numba import njit
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.learners.base import absorb, Learner, measure, off, weigh
 from motor_sysid.estimation.online.learners.sandwich import add, BLOCKS, close, Sandwich
+from motor_sysid.machine_code import kept
 
 Array = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Window(Learner):
         return self._sums.covariance(*parts, self._numbers[0])
 
 
-@njit(cache=True)
+@kept()
 def _learn(coefficients, prior, information, floor, numbers, sums, x, y):  # type: ignore[no-untyped-def]
     """Take one sample, in place."""
     begun, first = measure(y, prior, floor, numbers)
@@ -60,7 +60,7 @@ def _learn(coefficients, prior, information, floor, numbers, sums, x, y):  # typ
         _slide(coefficients, information, floor, sums)
 
 
-@njit(cache=True)
+@kept()
 def _slide(coefficients, information, floor, sums):  # type: ignore[no-untyped-def]
     """Form the sums over the window anew, and solve."""
     d = coefficients.size
