@@ -14,6 +14,7 @@ from motor_sysid.benchmark.equivalences import same_as
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 from motor_sysid.diagnosis.fitting import add_effect, compare_model, fit_model
 from motor_sysid.diagnosis.result.document import diagnosis_document
+from motor_sysid.diagnosis.search.bench import refuse_short
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -225,6 +226,16 @@ def test_records_that_cannot_be_used_are_refused_in_words(spoil, words):
     record = records({}, kinds=['steps'], seconds=2.0)[0]
     with pytest.raises(UserError, match=words):
         diagnose([spoil(record)], motor='brushed_dc')
+
+
+def test_short_records_count_together():
+    whole = records({}, kinds=['steps'], seconds=2.0)[0]
+    short = [whole.slice(k, k + 90) for k in (0, 300, 600)]
+    refuse_short(short, [])
+    with pytest.raises(UserError, match='180 samples to fit; a diagnosis needs at least 200'):
+        refuse_short(short[:2], short)
+    with pytest.raises(UserError, match='has 40 samples; a diagnosis needs at least 50 in each'):
+        refuse_short([whole, whole.slice(0, 40)], [])
 
 
 @pytest.mark.parametrize('names', [('voltage', 'current', 'speed'), ('voltage', 'speed')])

@@ -267,6 +267,18 @@ def test_a_step_response_is_usable_however_long_it_lasts_after_the_step(
     assert found(record)['constant_input'].severity.value == 'warning'
 
 
+def test_inputs_that_differ_from_record_to_record_are_not_constant() -> None:
+    time = np.arange(0, 4, 0.01)
+    units = {'voltage': 'V', 'speed': 'rad/s'}
+
+    def step(volts: float) -> Record:
+        speed = volts * (1.0 - np.exp(-time / 0.1))
+        return Record(time, {'voltage': np.full(time.size, volts), 'speed': speed}, units)
+
+    assert 'constant_input' in found(step(6.0))
+    assert 'constant_input' not in found([step(6.0), step(-3.0)])
+
+
 def test_a_steady_speed_under_a_constant_voltage_tells_of_no_motion() -> None:
     time = np.arange(0, 10, 0.01)
     speed = 10.0 + 0.05 * np.random.default_rng(0).standard_normal(time.size)

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis.fitting import fit_model
-from motor_sysid.diagnosis.search.held_back import kept, remarks_on_held
+from motor_sysid.diagnosis.search.held_back import kept, parted, remarks_on_held
+from motor_sysid.physics.motors import motors
 from motor_sysid.signals import Record
 
 UNITS = {'voltage': 'V', 'speed': 'rad/s', 'position': 'rad', 'torque': 'N m'}
@@ -59,7 +60,36 @@ def test_a_fit_says_what_it_holds_back_and_judges_on_motion():
         TIME, {'voltage': volts, 'speed': speed}, {'voltage': 'V', 'speed': 'rad/s'}
     )
     found = fit_model([record], motor='brushed_dc_reduced')
-    assert any('hardly moves in the last 20% of the record' in w for w in found.result.warnings)
+    assert any('motion lies in the last 20% of the record' in w for w in found.result.warnings)
     assert found.held.error_percent < 1.0
     explicit = fit_model([record], [record], motor='brushed_dc_reduced')
-    assert not any('hardly moves' in w for w in explicit.result.warnings)
+    assert not any('motion lies in' in w for w in explicit.result.warnings)
+
+
+def step_to(level: float, *, busy: bool = False) -> Record:
+    """Return a step from rest, or one that is followed by others."""
+    volts = np.full(TIME.size, level)
+    if busy:
+        volts[TIME > 9.0] *= 0.5
+    speed, x = np.zeros(TIME.size), 0.0
+    for k, u in enumerate(volts):
+        speed[k] = x
+        x += 1e-2 * 2.0 * (2.0 * u - x)
+    return Record(TIME, {'voltage': volts, 'speed': speed}, {'voltage': 'V', 'speed': 'rad/s'})
+
+
+def test_of_several_steps_from_rest_one_is_held_back_as_a_whole():
+    """Once a motor has settled every model of it is right; how it settles is in no last part."""
+    kind = motors()['brushed_dc_reduced']
+    steps = [step_to(v) for v in (2.0, -4.0, 6.0, 3.0)]
+    train, parts, said = parted(steps, [], kind, 0.2)
+    assert train == steps[:3]
+    assert [share for _, share in parts] == [1.0, 1.0, 1.0, 0.0]
+    assert 'the whole of the last 1' in said[0]
+    for others in ([*steps[:3], step_to(3.0, busy=True)], steps[:2]):
+        train, parts, said = parted(others, [], kind, 0.2)
+        assert train == others
+        assert all(0.5 <= share < 1.0 for _, share in parts)
+        assert said == ()
+    train, parts, _ = parted(steps[:3], steps[3:], kind, 0.2)
+    assert [share for _, share in parts] == [1.0, 1.0, 1.0, 0.0]

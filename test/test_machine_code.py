@@ -6,7 +6,14 @@ import textwrap
 
 import pytest
 
-CALLER = 'from made_here.inner import inner, kept\n\n\n@kept()\ndef outer(x):\n    return inner(x)\n'
+CALLER = """
+from made_here.inner import inner, kept
+
+
+@kept()
+def outer(x):
+    return inner(x)
+"""
 INNER = """
 from motor_sysid.machine_code import kept
 

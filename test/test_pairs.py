@@ -59,7 +59,7 @@ def test_what_is_superfluous_beside_another_has_shown_it_the_way_and_goes():
     assert len(scores.pairs) == 1
     told: list[str] = []
     rung, gain, (trial,) = best_twosome(base, scores, bench, told.append)
-    assert told[-1] == 'dropping inertia_change: no longer needed'
+    assert told[-1] == 'dropping inertia change: no longer needed'
     assert rung.model.effects == (trial.key,) == ('brush_voltage_drop',)
     assert rung.model['brush_voltage_drop.v_b'] == pytest.approx(0.5, rel=0.02)
     assert trial.passes

@@ -42,7 +42,7 @@ def test_what_was_added_on_a_law_that_was_too_wide_goes_with_it():
     said = []
     slim = pruned(climb(last, bench), bench, {}, said.append)
     assert slim.model.effects == ('coulomb_friction', 'brush_voltage_drop')
-    assert said[-1] == 'dropping quadratic_drag: no longer needed'
+    assert said[-1] == 'dropping quadratic drag: no longer needed'
     kept = climb(slim.model.with_effect('quadratic_drag', {'k_d': 1e-10}, bench.scales), bench)
     assert pruned(kept, bench, {}, said.append) is kept
 

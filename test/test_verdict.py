@@ -707,6 +707,7 @@ ONLY = f'{TOO_LITTLE} 0.0 % only'
         (UNSTEADY, 2.0, 5.65, 5.0, False),  # less than 1 % of the signal: sqrt(5.7^2 - 5.65^2)
         (ONLY, 2.0, 5.69, 4.8, True),  # seen in training: sqrt(5.0^2 - 4.8^2) = 1.4 %
         (ONLY, 2.0, 5.69, 4.95, False),  # 0.7 %
+        (ONLY, 2.0, 5.75, 4.8, True),  # it does next to no harm: sqrt(5.75^2 - 5.7^2) = 0.8 %
         (ONLY, 2.0, 5.8, 4.8, False),  # it does harm
         (ONLY, 0.9, 5.69, 3.0, False),
     ],

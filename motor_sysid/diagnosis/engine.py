@@ -262,7 +262,7 @@ class Engine:
 
     def seen_by(self, rung: Rung) -> tuple[Rung, Scores]:
         """Score every candidate on a fit with another speed sensor."""
-        self.tell(f'the speed sensor is a {rung.model.speed_sensor.value} one')
+        self.tell(f'taking the speed as {rung.model.speed_sensor.value}')
         return rung, self.score(rung)
 
     def refine(self, rung: Rung) -> Rung:

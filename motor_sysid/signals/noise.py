@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
 from scipy.stats import chi2
 
+from motor_sysid.signals.lattice import lattice
+
 Array = NDArray[np.float64]
 
 _WINDOW = 9
@@ -55,3 +57,14 @@ def noise_sigmas(parts: Sequence[Array], differenced: Sequence[bool]) -> Array:
             for j, late in enumerate(differenced)
         ]
     )
+
+
+def rounding_sigmas(measured: Sequence[Array]) -> Array:
+    """Return (n_y,) noise that the steps of quantized columns make at least, or zero.
+
+    The error of rounding is spread evenly over a step.
+    """
+    columns = np.concatenate(measured).T
+    steps = [found.step if (found := lattice(column)) else 0.0 for column in columns]
+    rounding: Array = np.array(steps) / np.sqrt(12)
+    return rounding

@@ -5,6 +5,7 @@ import math
 from pathlib import PurePath
 import re
 
+from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.motors import motor
@@ -51,7 +52,7 @@ def effect_titles(diagnosis: Diagnosis) -> dict[str, str]:
 
 def verdict_title(diagnosis: Diagnosis, titles: Mapping[str, str]) -> str:
     """Return the verdict in a few words, with the effects that it names."""
-    effects = in_words([named(key, titles)['title'] for key in diagnosis.effects])
+    effects = listed([named(key, titles)['title'] for key in diagnosis.effects])
     if diagnosis.verdict is Verdict.EFFECT_MISSING and effects:
         return f'{VERDICTS[diagnosis.verdict]}: {effects}'
     if diagnosis.verdict is Verdict.AMBIGUOUS and effects:
@@ -62,11 +63,6 @@ def verdict_title(diagnosis: Diagnosis, titles: Mapping[str, str]) -> str:
 def with_titles(text: str, titles: Mapping[str, str]) -> str:
     """Replace the keys of effects in a text by their titles."""
     return re.sub(r'\b[a-z]+(_[a-z]+)+\b', lambda found: titles.get(found[0], found[0]), text)
-
-
-def in_words(items: Sequence[str]) -> str:
-    """Join as ``a, b and c``."""
-    return ' and '.join([', '.join(items[:-1]), items[-1]] if len(items) > 1 else items)
 
 
 def source_name(record: Record) -> str:

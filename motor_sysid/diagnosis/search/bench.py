@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
-from motor_sysid.diagnosis.search.held_back import kept, remarks_on_held
+from motor_sysid.diagnosis.search.held_back import parted
 from motor_sysid.diagnosis.search.motor_kind import remarks_on_field
 from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
@@ -43,7 +43,7 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 """
 
 
-MIN_SAMPLES = 200
+MIN_SAMPLES, MIN_PIECE = 200, 50
 """Fewest samples of a record from which a diagnosis may be asked for."""
 
 ROUGH_ROWS, FEW_ROWS = 10_000, 4000
@@ -172,16 +172,23 @@ def refuse_short(train: Sequence[Record], validation: Sequence[Record]) -> None:
     Raises
     ------
     UserError
-        If there is no training record, or a record has fewer than `MIN_SAMPLES` samples.
+        If there is no training record, all together have fewer than `MIN_SAMPLES` samples, or one
+        has fewer than `MIN_PIECE`.
     """
     if not train:
         raise UserError('no training record; give at least one')
     for record in (*train, *validation):
-        if len(record) < MIN_SAMPLES:
+        if len(record) < MIN_PIECE:
             raise UserError(
                 f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
-                f'needs at least {MIN_SAMPLES}, better 5000'
+                f'needs at least {MIN_PIECE} in each record: leave it out'
             )
+    count = sum(map(len, train))
+    if count < MIN_SAMPLES:
+        raise UserError(
+            f'{train[0].provenance.source or "the data"}: {count} samples to fit; a diagnosis '
+            f'needs at least {MIN_SAMPLES}, better 5000'
+        )
 
 
 def _refuse_gaps(record: Record, names: Set[str]) -> None:
@@ -234,8 +241,8 @@ def make_bench(
     Parameters
     ----------
     train, validation:
-        Records; without validation records the last `fraction` of each is held back, or more of
-        one that ends at rest (see `kept`).
+        Records; without validation records the last `fraction` of each is held back, or what
+        tells more (see `parted`).
     model:
         A fitted model if there is one; it tells how far ahead a run may look without drifting.
     nominal:
@@ -249,6 +256,7 @@ def make_bench(
         If a signal that is needed has values that are no numbers.
     """
     everything = [*train, *validation]
+    train, parts, said = parted(train, validation, kind, fraction)
     outputs = observed_outputs(kind, everything)
     outputs = seen_at_rest(outputs) if stands_still(everything) else outputs
     for record in everything:
@@ -258,9 +266,6 @@ def make_bench(
     values = model.parameters.values() if model else begun
     defaults = {p.name: p.value for p in kind.parameters}
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
-    parts = [(r, 1.0 if validation else kept(r, fraction)) for r in train]
-    parts += [(r, 0.0) for r in validation]
-    said = () if validation else remarks_on_held(train, fraction)
 
     def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
         made = (

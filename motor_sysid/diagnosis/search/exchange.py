@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from motor_sysid.diagnosis.candidates.score import Scores
+from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import alike, Compared, compared
 from motor_sysid.diagnosis.search.gates import is_usual, MIN_FURTHER_GAIN_PERCENT
@@ -195,7 +196,7 @@ class Exchange:
 
     def exchanged(self, key: str, trial: Trial, rung: Rung) -> Rung:
         """Return the fit in which what was tried has taken the place of an effect."""
-        self.tell(f'{trial.key} does better than {key}')
+        self.tell(f'{titles([trial.key])} does better than {titles([key])}')
         self.gains[trial.key] = trial.delta_bic
         return climb(trial.rung.model, self.bench, rung.result.weighting)
 
@@ -289,7 +290,7 @@ class Exchange:
                     tried[0][0].model.without_effect(mine), self.bench, briefly=True
                 )
                 self.compared[mine, theirs] = compared(slim, tried[0][0], fitted)
-        self.tell(f'{" and ".join(sorted(best))} together do better than {key}')
+        self.tell(f'{titles(sorted(best))} together do better than {titles([key])}')
         self.gains.update(dict.fromkeys(best, tried[0][1]))
         return tried[0][0]
 

@@ -5,6 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.result.names import listed
+from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.motors.base import Motor
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -15,6 +18,45 @@ to judge on."""
 
 MOST_HELD = 0.5
 """Share of a record beyond which no more is held back."""
+
+STILL, STEADY = 0.02, 0.15
+"""Deviation of an input over its size, and of the speed over its deviation in the whole record,
+below which a last part shows one state and nothing of how the motor comes to it."""
+
+SEVERAL = 3
+"""Records from which on one may be held back as a whole."""
+
+
+def parted(
+    train: Sequence[Record], validation: Sequence[Record], kind: Motor, fraction: float
+) -> tuple[list[Record], list[tuple[Record, float]], tuple[str, ...]]:
+    """Return the records to fit, all with the share that is fitted, and what is to be said of it.
+
+    Without validation records the last part of each is held back, see `kept`; or the last one of
+    several as a whole, if every last part is steady.
+    """
+    said: tuple[str, ...] = ()
+    several = not validation and len(train) >= SEVERAL
+    if several and all(_is_steady(record, kind, fraction) for record in train):
+        count = max(round(fraction * len(train)), 1)
+        train, validation = train[:-count], train[-count:]
+        names = listed(r.provenance.source for r in validation if r.provenance.source)
+        said = (
+            f'neither input nor speed changes in the last {fraction:.0%} of any record: what is '
+            f'held back to judge on is the whole of {names or f"the last {count}"}',
+        )
+    parts = [(r, 1.0 if validation else kept(r, fraction)) for r in train]
+    parts += [(r, 0.0) for r in validation]
+    return list(train), parts, said or (() if validation else remarks_on_held(train, fraction))
+
+
+def _is_steady(record: Record, kind: Motor, fraction: float) -> bool:
+    """Whether neither an input nor the speed changes in the last part of a record."""
+    first = round(kept(record, fraction) * len(record))
+    inputs = [record[name] for name in input_signals(record, kind)]
+    held = all(np.std(u[first:]) <= STILL * np.sqrt(np.mean(u**2)) for u in inputs)
+    speed = record['speed'] if 'speed' in record else np.empty(0)
+    return bool(held and speed.size and np.std(speed[first:]) <= STEADY * np.std(speed))
 
 
 def kept(record: Record, fraction: float) -> float:
@@ -44,8 +86,9 @@ def remarks_on_held(records: Sequence[Record], fraction: float) -> tuple[str, ..
         if share > fraction + 1e-9:
             source = record.provenance.source
             said.append(
-                f'{f"{source}: " if source else ""}the motor hardly moves in the last '
-                f'{fraction:.0%} of the record: the last {share:.0%} are held back to judge on'
+                f'{f"{source}: " if source else ""}less than half of its due of the '
+                f'motion lies in the last {fraction:.0%} of the record: the last {share:.0%} are '
+                'held back to judge on'
             )
     return tuple(said)
 

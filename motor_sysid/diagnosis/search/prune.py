@@ -10,6 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
@@ -70,7 +71,7 @@ def pruned(
         if last or certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
             slim = _simpler(rung, numbered(rung.model.without_effect(key), bench.scales), bench)
             if slim is not rung:
-                tell(f'dropping {key}: no longer needed')
+                tell(f'dropping {titles([key])}: no longer needed')
                 rung = slim
                 continue
         for special in effect(key).card.generalises:
@@ -106,7 +107,7 @@ def relieved(
         if held.error_percent < rung.held.error_percent:
             slim = climb(rough.model, bench, rung.result.weighting)
             if runs_clearly_better(slim, rung):
-                tell(f'dropping {key}: held-out data do better without it')
+                tell(f'dropping {titles([key])}: held-out data do better without it')
                 return slim
     return rung
 

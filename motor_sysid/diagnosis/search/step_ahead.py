@@ -9,6 +9,7 @@ what was there: beside it, base parameters and the speed sensor are what they sh
 
 from collections.abc import Callable, Sequence
 
+from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
@@ -115,6 +116,6 @@ def in_its_place(
     less = profile_cost(old, bench, weighting)[0] - profile_cost(slim, bench, weighting)[0]
     if less < max(RIVAL_BIC, RIVAL_SHARE * gain):
         return None
-    tell(f'{first.key} does better than {" and ".join(sorted(lost))}')
+    tell(f'{titles([first.key])} does better than {titles(sorted(lost))}')
     gains[first.key] = gain + less
     return slim

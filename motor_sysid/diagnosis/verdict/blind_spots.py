@@ -8,6 +8,7 @@ import numpy as np
 
 from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.findings import BlindSpot
+from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.checks import excitation
@@ -153,18 +154,14 @@ def _consequence(parameters: Sequence[str], effects: Sequence[str], *, alike: bo
     parts = []
     if parameters:
         verb = 'is' if len(parameters) == 1 else 'are'
-        parts.append(f'{_joined(parameters)} {verb} not determined')
+        parts.append(f'{listed(parameters)} {verb} not determined')
     if effects:
         titles = [catalogue()[key].card.title for key in effects]
         parts.append(
-            f'{_joined(titles)} cannot be told apart' if alike and len(titles) > 1
-            else f'{_joined(titles)} cannot be seen'
+            f'{listed(titles)} cannot be told apart' if alike and len(titles) > 1
+            else f'{listed(titles)} cannot be seen'
         )  # fmt: skip
     return f', so {" and ".join(parts)}' if parts else ''
-
-
-def _joined(names: Sequence[str]) -> str:
-    return ' and '.join([', '.join(names[:-1]), names[-1]] if len(names) > 1 else names)
 
 
 def _capital(text: str) -> str:

@@ -36,6 +36,9 @@ FAINT = 0.02
 NOTICED = 1.1
 """Fall of the held-out error from which on an effect is no trifle, however small the error was."""
 
+OF_TRAINING = 0.1
+"""Share of the squared training error below which what goes of it tells of nothing."""
+
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together, without and with what is named;
 inductance alone often is."""
@@ -107,7 +110,7 @@ def disagree(note: str, held: float, training: float) -> bool:
     """
     trifle = TRIFLE_PERCENT**2
     return (note == UNSTEADY and held > trifle) or (
-        note.startswith(HELD_BACK) and held >= 0.0 and training > trifle
+        note.startswith(HELD_BACK) and held > -trifle and training > trifle
     )
 
 
@@ -117,7 +120,8 @@ def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | 
     That a model is complete cannot be said then, though nothing is named either.  It lowers the
     held-out error by more than what is too small to matter, but not steadily, as waves over a turn
     do whose angle is not measured; or that of the training data, for it stands for what those show
-    and the held-out ones hardly do.  What does harm there is just fitted to the training data.
+    and the held-out ones hardly do.  What does more harm there than a trifle is just fitted to the
+    training data.
     """
     def fall(before: Comparison, after: Comparison) -> float:
         return before.error_percent**2 - after.error_percent**2
@@ -142,6 +146,15 @@ def besides(torn: Trial, final: Rung) -> str:
     )
 
 
+def _told_in_training(base: Rung, final: Rung) -> bool:
+    """Whether the training error falls by more than a trifle.
+
+    Held-out data may not know of it: there the motor may do nothing but go on at its speed.
+    """
+    before, after = base.training.error_percent**2, final.training.error_percent**2
+    return before - after > max(TRIFLE_PERCENT**2, OF_TRAINING * before)
+
+
 def verdict_of(
     ladder: Sequence[tuple[Rung, list[Trial]]],
     left: Remainder,
@@ -154,7 +167,8 @@ def verdict_of(
     If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
     does not explain nearly all, something is missing, but not that; nor is it what is named if
     that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
-    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing.
+    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing,
+    if the training data do not say otherwise.
     Of several effects none may take away less than the missing physics that is left, and none may
     leave nothing of a parameter of the motor that was well known, unless several explain all but a
     trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
@@ -177,7 +191,7 @@ def verdict_of(
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
     doubted = doubted or max(accounted, surely) < NEARLY_ALL
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
-    if doubted and not structured and trifle:
+    if doubted and not structured and trifle and not _told_in_training(base, final):
         return Verdict.COMPLETE
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
     several = len(final.model.effects) > len(base.model.effects) + 1

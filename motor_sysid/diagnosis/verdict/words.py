@@ -1,6 +1,6 @@
 """The verdict in plain words."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import (
@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.result.findings import (
     Unknown,
     WrongParameter,
 )
+from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.result.result import Candidate, Step, Verdict
 from motor_sysid.diagnosis.search.gates import UNSTEADY, WILD_PERCENT
 from motor_sysid.diagnosis.search.synonyms import other_names
@@ -176,7 +177,7 @@ def named(
     """Say what is missing, with its evidence."""
     first, last = ladder[0], ladder[-1]
     added = [k for k in last.model.effects if k not in first.model.effects]
-    names = _titles(added) or 'nothing'
+    names = titles(added) or 'nothing'
     before, after = first.validation_error_percent, last.validation_error_percent
     was, now = apart(before, after)
     lines = [
@@ -221,9 +222,9 @@ def _partial(ladder: Sequence[Step]) -> list[str]:
         return []
     last, start = ladder[-1], ladder[0].model.effects
     own = [key for key in last.model.effects if key not in start]
-    names, error = _titles(own), last.validation_error_percent
+    names, error = titles(own), last.validation_error_percent
     if faint := untold(last.model, start):
-        size = f'the size of {_titles(faint)}' if len(own) > 1 else 'its size'
+        size = f'the size of {titles(faint)}' if len(own) > 1 else 'its size'
         return [
             f'{names} would lower the error most, but {size} cannot be told from nothing with '
             'these data: it may stand for something else.'
@@ -237,10 +238,6 @@ def _partial(ladder: Sequence[Step]) -> list[str]:
         f'{names} would explain a part of it, but not enough to be named: a wrong neighbour often '
         'looks like that.'
     ]
-
-
-def _titles(keys: Iterable[str]) -> str:
-    return ' and '.join(effect(key).card.title for key in keys)
 
 
 def _advice(spot: BlindSpot) -> str:

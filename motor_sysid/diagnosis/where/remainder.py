@@ -30,7 +30,7 @@ from motor_sysid.diagnosis.where.uneven_records import but_for_few, UNEVEN, unev
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
-from motor_sysid.signals.noise import noise_sigmas
+from motor_sysid.signals.noise import noise_sigmas, rounding_sigmas
 from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
@@ -225,6 +225,7 @@ def examine_remainder(
     """
     seen = (validation.measured, validation.residuals, training.residuals)
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
+    floor = np.maximum(floor, rounding_sigmas([*training.measured, *validation.measured]))
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
     error, most = _rms(validation), but_for_few(np.concatenate(validation.residuals))
     noise = np.minimum(floor, error)

@@ -121,7 +121,8 @@ def _constant_input(records: Sequence[Record]) -> Iterator[Finding]:
     names = names or [main_input(records[0])]
     if not names[0]:
         return
-    if any(np.ptp(record[name]) > 0 for record in records for name in names if name in record):
+    each = [[record[name] for record in records if name in record] for name in names]
+    if any(np.ptp(np.concatenate(values)) > 0 for values in each):
         return
     name = names[0]
     speeds = [speed for record in records if (speed := speed_of(record)) is not None]

@@ -155,10 +155,10 @@ def _gear(size: float, numbers: dict[str, float]) -> Finding:
     return Finding(
         Severity.ERROR, 'gear_ratio',
         f'the slope of the position is {size:.4g} times the speed, all the time: perhaps {side} '
-        f'(1:{max(size, 1 / size):.4g}), or one of them is in an unknown unit',
+        f'(1:{max(size, 1 / size):.4g}), or one of them, or the time, is in an unknown unit',
         'inertia and friction would mix two shafts',
-        f'write `gear_ratio: {max(size, 1 / size):.4g}` for the faster one in a msg_config file',
-        numbers,
+        f'if it is a gear, write `gear_ratio: {max(size, 1 / size):.4g}` for the faster one in '
+        'a msg_config file; else put units and time stamps right', numbers,
     )  # fmt: skip
 
 
