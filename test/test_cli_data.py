@@ -1,17 +1,19 @@
 """What verbs read: looked over as `check` does; twins, data sheets and slips told in words."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from recording_tools import motor_record
 
 from motor_sysid.cli import main
+from motor_sysid.diagnosis import fitting
 from motor_sysid.physics.datasheet import load_datasheet
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor, motors
-from motor_sysid.physics.store import save_model
+from motor_sysid.physics.store import load_model, save_model
 from motor_sysid.recording.save import write_record
 from motor_sysid.signals.record import Record
 
@@ -190,6 +192,19 @@ def test_a_misspelt_effect_is_refused_at_once_with_a_guess(
         assert error == f'error: unknown effect `{slip}` (did you mean `{meant}`?)\n'
     error = refused(capsys, 'add', 'm.yaml', 'zzz', 'none.csv')
     assert error.startswith('error: unknown effect `zzz`; known are coulomb_friction, ')
+
+
+def test_an_effect_that_cannot_be_fitted_is_refused_and_nothing_is_written(
+    model: Path, data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    before = SimpleNamespace(model=load_model(model))
+    trial = SimpleNamespace(rung=before, note='unphysical sign')
+    monkeypatch.setattr(fitting, 'add_effect', lambda *_, **__: (before, trial))
+    out = tmp_path / 'new.yaml'
+    error = refused(capsys, 'add', model, 'quadratic_drag', data, '-o', out)
+    assert 'quadratic drag cannot be fitted to these data: unphysical sign; nothing' in error
+    assert not out.exists()
 
 
 def test_a_misspelt_motor_is_guessed(data: Path, capsys: pytest.CaptureFixture[str]) -> None:

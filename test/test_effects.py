@@ -389,6 +389,50 @@ def test_a_bad_effect_file_is_refused_in_words(tmp_path, text, words):
         add_effect_file(file)
 
 
+CARD = """
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
+CARD = Card(title='t', equation='e', symptom='s.', reference='r', enters={enters},
+            amplitudes=({amplitudes}))
+{law}
+"""
+SIZE = 'Amplitude("a", "N m", "d", Scale.TORQUE),'
+LAW = 'def torque(omega, a):\n    return -a * omega'
+
+
+@pytest.mark.parametrize(
+    ('change', 'words'),
+    [
+        ({'law': 'torque = 3'}, '`torque` is no function'),
+        ({'law': 'def torque(a):\n    raise ValueError("no")'}, r'`torque\(...\)` fails: V'),
+        ({'law': 'def torque(a):\n    return "much"'}, r'`torque\(...\)` fails'),
+        ({'law': 'def torque(omega):\n    return -omega'}, 'no law reads its parameter `a`'),
+        ({'amplitudes': ''}, 'no amplitude'),
+        ({'amplitudes': 2 * SIZE}, 'two parameters are called `a`'),
+        ({'enters': '"mechanical"'}, "`enters` is 'mechanical'; give one of Enters"),
+    ],
+)
+def test_an_effect_that_cannot_be_worked_with_is_refused(tmp_path, change, words):
+    file = tmp_path / 'strange.py'
+    good = {'enters': 'Enters.MECHANICAL', 'amplitudes': SIZE, 'law': LAW}
+    file.write_text(CARD.format(**{**good, **change}))
+    with pytest.raises(UserError, match=f'effect `strange`: .*{words}'):
+        add_effect_file(file)
+
+
+def test_a_users_effect_bears_no_name_of_the_catalogue_and_may_repeat(tmp_path):
+    good = CARD.format(enters='Enters.MECHANICAL', amplitudes=SIZE, law=LAW)
+    (tmp_path / 'coulomb_friction.py').write_text(good)
+    with pytest.raises(UserError, match='is an effect of the catalogue; rename the file'):
+        add_effect_file(tmp_path / 'coulomb_friction.py')
+    (tmp_path / 'twin.py').write_text(good.replace('enters=', 'repeats=2, enters='))
+    try:
+        add_effect_file(tmp_path / 'twin.py')
+        assert {'twin', 'twin_2'} <= set(catalogue())
+    finally:
+        for key in ('twin', 'twin_2'):
+            catalogue().pop(key, None)
+
+
 def test_an_unknown_argument_of_a_law_is_an_error_when_loaded(tmp_path):
     file = tmp_path / 'asks_too_much.py'
     file.write_text(

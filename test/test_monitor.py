@@ -18,7 +18,7 @@ from sister_motors import model_of, recorded, steps, TYPE
 from motor_sysid.cli import main
 from motor_sysid.diagnosis.condition import conditions, Watch
 from motor_sysid.diagnosis.condition.causes import CAUSES, role_of
-from motor_sysid.diagnosis.condition.days import has_brushes
+from motor_sysid.diagnosis.condition.days import has_brushes, in_words
 from motor_sysid.diagnosis.condition.drift import alarms, Drift, drift_of_estimates
 from motor_sysid.diagnosis.condition.likely import likely
 from motor_sysid.estimation.batch import fit, make_chain, Problem
@@ -200,3 +200,8 @@ def test_the_example_of_the_page_runs(tmp_path, monkeypatch, capsys):
     save_model(model_of(TYPE), 'guess.yaml')
     assert main(['monitor', 'guess.yaml', 'monday.csv']) == 0
     assert 'the reference has no sigmas' in capsys.readouterr().out
+
+
+def test_nothing_watched_is_no_all_clear():
+    nothing = Drift((), np.empty(0), np.empty(0), np.empty((0, 0)))
+    assert in_words(nothing, [], ()).startswith('nothing could be compared')

@@ -162,6 +162,18 @@ def test_a_tolerance_joins_stamps_that_differ_a_little() -> None:
     assert [stamp for stamp, _ in join.pop()] == [7, 200]
 
 
+def test_a_tolerance_joins_the_nearest_stamps_after_a_message_was_lost() -> None:
+    """A tolerance above the period must not pair each message with the one after its partner."""
+    join = StampJoin(2, tolerance=300)
+    for k in range(20):
+        join.push(0, 200 * k, (float(k),))
+        if k != 9:
+            join.push(1, 200 * k + 30, (float(k),))
+    rows = join.pop()
+    assert [values for _, values in rows] == [(k, k) for k in range(20) if k != 9]
+    assert join.counts.incomplete == 1
+
+
 # --- estimates in time
 
 

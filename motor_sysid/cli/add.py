@@ -11,6 +11,7 @@ from motor_sysid.cli.common import (
 )
 from motor_sysid.cli.output import new_file, write_each, write_json, write_model
 from motor_sysid.cli.reading import load_first_model, load_parts
+from motor_sysid.errors import UserError
 
 HELP = 'add an effect to a model, refit on recordings, and say what it brings'
 
@@ -31,6 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.cli.fit import rung_lines
     from motor_sysid.diagnosis.fitting import add_effect
     from motor_sysid.diagnosis.result.document import model_parameters
+    from motor_sysid.physics.effects import effect
 
     load_effect_files(args.effect_file, [args.effect])
     model = load_first_model(args)
@@ -44,6 +46,11 @@ def run(args: argparse.Namespace) -> int:
         progress=progress(),
     )
     after = trial.rung
+    if args.effect not in after.model.effects:
+        raise UserError(
+            f'{effect(args.effect).card.title} cannot be fitted to these data: {trial.note}; '
+            'nothing is written'
+        )
     print('\n'.join(rung_lines(after.model, after.result.reason)))
     print(
         f'held-out error {before.validation.error_percent:.4g} -> '

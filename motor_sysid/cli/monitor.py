@@ -102,7 +102,8 @@ def _document(paths: list[Path], found: 'tuple[Condition, ...]') -> dict[str, ob
             for one in day.causes
         ]
         days.append(
-            {'data': str(path), 'alarm': bool(day.moved), 'words': day.words,
-             'parameters': parameters, 'causes': causes, 'notes': list(day.fit.warnings)}
+            {'data': str(path), 'watched': bool(day.drift.parameters), 'alarm': bool(day.moved),
+             'words': day.words, 'parameters': parameters, 'causes': causes,
+             'notes': list(day.fit.warnings)}
         )  # fmt: skip
     return {'schema': 'motor_sysid/monitor/1', 'days': days}

@@ -60,9 +60,16 @@ def _configuration(args: argparse.Namespace) -> 'Configuration | None':
     from motor_sysid.physics.store import load_model
     from motor_sysid.recording.rosbag import Bag
 
-    if args.model:
-        return Configuration(load_model(args.model), args.estimator or 'rls')
-    return replace(recorded_configuration(Bag(args.bag), args.node), estimator=args.estimator)
+    model = load_model(args.model) if args.model else None
+    try:
+        first = recorded_configuration(Bag(args.bag), args.node)
+    except UserError:
+        if model is None:
+            raise
+        return Configuration(model, args.estimator or 'rls')
+    return replace(
+        first, model=model or first.model, estimator=args.estimator or first.estimator
+    )
 
 
 def _print(result: 'Replay') -> None:

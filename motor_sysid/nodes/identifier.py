@@ -23,7 +23,7 @@ from motor_sysid.nodes.health import Health
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.intake import RawTopic
 from motor_sysid.nodes.long_work import LongWork
-from motor_sysid.nodes.loop import LoopNode
+from motor_sysid.nodes.loop import LoopNode, wait_for
 from motor_sysid.nodes.loop import main as run
 from motor_sysid.nodes.message_types import installed_types
 from motor_sysid.nodes.parameters import Settings
@@ -85,16 +85,17 @@ class IdentifierNode(LoopNode):
         self.settings = Settings(self, IdentifierSettings)
         s = self.settings.value
         self.period = s.drain_period
-        self._configuration = s.configuration()
+        self._sources = s.sources()
         with self._patience():
-            self._configuration.warm_up()
+            first = Preparation(s.configuration, 0.0)
+            wait_for(lambda: first.running)
+        self._configuration = first.configuration()
         self._condition = ConditionWatch(s)
         self._next: Configuration | None = None
         self._prepared: Preparation | None = None
         self._show_effects()
         self.settings.test_change(self._prepare)
         self.settings.on_change(self._hand_over)
-        self._sources = s.sources()
         self._pipeline: Pipeline | None = None
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()

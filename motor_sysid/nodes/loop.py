@@ -130,13 +130,30 @@ class _Stop:
     rclpy's own handlers would end the context at once, and with it the chance to publish 0 V.
     """
 
+    latest: '_Stop | None' = None
+
     def __init__(self) -> None:
         self.asked = False
+        _Stop.latest = self
         for number in SIGNALS:
             signal.signal(number, self._ask)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         self.asked = True
+
+
+def wait_for(running: Callable[[], bool]) -> None:
+    """Wait for what takes long and leaves nothing to be closed.
+
+    Raises
+    ------
+    SystemExit
+        When a signal asks the program to stop.
+    """
+    while running():
+        if _Stop.latest and _Stop.latest.asked:
+            raise SystemExit(0)
+        time.sleep(SERVICE_PERIOD)
 
 
 def main(make: Callable[[], LoopNode], args: Sequence[str] | None = None) -> int:

@@ -7,6 +7,7 @@ import os
 import signal
 import threading
 import time
+import traceback
 from typing import Protocol
 
 from motor_sysid.errors import UserError
@@ -131,3 +132,6 @@ def _outcome(job: Job) -> object:
         return job.work()
     except UserError as error:
         return Failed(str(error))
+    except Exception as error:  # noqa: BLE001 - the next job shall find the worker alive
+        traceback.print_exc()
+        return Failed(f'{type(error).__name__}: {error}')

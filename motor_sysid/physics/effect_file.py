@@ -5,8 +5,10 @@ from types import ModuleType
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import (
+    arguments,
     Card,
     Effect,
+    Enters,
     FORCES,
     FRAMES,
     JUMPS,
@@ -52,3 +54,47 @@ def load_effect(key: str, module: ModuleType) -> Effect:
             raise UserError(f'effect file {where}: state `{state}` has no rate_{state}(...)')
     summed = getattr(module, SUM, None)
     return Effect(key, card, laws, rates, inspect.getsource(module), speed_sum=summed)
+
+
+def checked(one: Effect) -> Effect:
+    """Return a user's effect, if it can be worked with.
+
+    Raises
+    ------
+    UserError
+        If its card or one of its laws does not hold what the others rely on.
+    """
+    if problem := _problem(one):
+        raise UserError(f'effect `{one.key}`: {problem}; see docs/effects.md')
+    return one
+
+
+def _problem(one: Effect) -> str:
+    """Return what is wrong with an effect, or nothing."""
+    card, names = one.card, [p.name for p in one.card.parameters]
+    twice = next((name for name in names if names.count(name) > 1), '')
+    laws = {**one.laws, **one.rates}
+    broken = next((name for name, law in laws.items() if not callable(law)), '')
+    enters: object = card.enters
+    if not isinstance(enters, Enters):
+        return f'`enters` is {enters!r}; give one of Enters'
+    if not card.amplitudes:
+        return 'the card has no amplitude that would switch it off'
+    if twice:
+        return f'two parameters are called `{twice}`'
+    if broken:
+        return f'`{broken}` is no function'
+    read = {name for law in laws.values() for name in arguments(law)} | {card.delay}
+    if unread := [name for name in names if name not in read]:
+        return f'no law reads its parameter `{unread[0]}`'
+    return next(filter(None, (_fault(name, law) for name, law in laws.items())), '')
+
+
+def _fault(name: str, law: Law) -> str:
+    """Return what happens when a law is called, or nothing if that is a number."""
+    try:
+        value = law(*(0.5 for _ in arguments(law)))
+        float(value)
+    except Exception as error:  # noqa: BLE001 - whatever a user's law raises
+        return f'`{name}(...)` fails: {type(error).__name__}: {error}'
+    return ''

@@ -46,6 +46,10 @@ class JoinCounts:
         return self.incomplete + self.out_of_order + self.overflow
 
 
+REMEMBERED, KNOWN = 32, 4
+"""Intervals of a topic whose mean is its period, and how many there must be."""
+
+
 class StampJoin:
     """Merges ordered topics.
 
@@ -56,6 +60,9 @@ class StampJoin:
     for `limit` messages.
 
     Samples begin where every topic has been heard; after a restart they begin anew.
+
+    With a tolerance the nearest stamps go together: one that is further than half a period of its
+    topic from the newest has a successor that is nearer, or will have.
 
     Parameters
     ----------
@@ -74,6 +81,9 @@ class StampJoin:
         self._done: list[Row] = []
         self._begin: int | None = None
         self._limit, self._tolerance = limit, tolerance
+        self._taken: tuple[deque[int], ...] = tuple(
+            deque(maxlen=REMEMBERED + 1) for _ in range(topics)
+        )
 
     def push(self, topic: int, stamp: int, values: Values) -> None:
         """Take one message: its stamp in ns and its values."""
@@ -105,18 +115,30 @@ class StampJoin:
             newest = max(stamps)
             if self._begin is None:
                 self._begin = newest - self._tolerance
-            if min(stamps) >= newest - self._tolerance:
-                rows.append((newest, _flat([queue.popleft()[1] for queue in waiting])))
+            if all(newest - stamp <= self._reach(k) for k, stamp in enumerate(stamps)):
+                rows.append((newest, _flat([self._take(k)[1] for k in range(len(waiting))])))
             else:
-                self._drop_before(newest - self._tolerance)
+                self._drop_before(newest)
         self.counts.joined += len(rows)
         return rows
 
-    def _drop_before(self, stamp: int) -> None:
+    def _take(self, topic: int) -> Row:
+        row = self._waiting[topic].popleft()
+        self._taken[topic].append(row[0])
+        return row
+
+    def _reach(self, topic: int) -> int:
+        """Return how much older (ns) than the newest the next message of a topic may be."""
+        taken = self._taken[topic]
+        if self._tolerance == 0 or len(taken) <= KNOWN:
+            return self._tolerance
+        return min(self._tolerance, (taken[-1] - taken[0]) // (2 * (len(taken) - 1)))
+
+    def _drop_before(self, newest: int) -> None:
         assert self._begin is not None
-        for queue in self._waiting:
-            while queue and queue[0][0] < stamp:
-                if queue.popleft()[0] < self._begin:
+        for k, queue in enumerate(self._waiting):
+            while queue and newest - queue[0][0] > self._reach(k):
+                if self._take(k)[0] < self._begin:
                     self.counts.early += 1
                 else:
                     self.counts.incomplete += 1
@@ -128,6 +150,7 @@ class StampJoin:
         for k, queue in enumerate(self._waiting):
             self.counts.incomplete += len(queue)
             queue.clear()
+            self._taken[k].clear()
             self._last[k] = -(2**63)
 
 

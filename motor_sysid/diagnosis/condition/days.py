@@ -88,6 +88,8 @@ def has_brushes(model: Model) -> bool:
 
 def in_words(drift: Drift, moved: Sequence[int], causes: Sequence[Likely]) -> str:
     """Return what has moved and why, in a sentence; rivals are told as such."""
+    if not drift.parameters:
+        return 'nothing could be compared: these data determine no parameter of the model'
     if not moved:
         return 'no parameter has moved beyond chance'
     what = ', '.join(drift.words(k) for k in moved)

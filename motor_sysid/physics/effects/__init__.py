@@ -13,7 +13,7 @@ import sys
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import Effect
-from motor_sysid.physics.effect_file import load_effect
+from motor_sysid.physics.effect_file import checked, load_effect
 from motor_sysid.signals.units import did_you_mean
 
 _FILES = (
@@ -104,10 +104,12 @@ def add_effect_file(path: Path) -> Effect:
     Raises
     ------
     UserError
-        If the file cannot be read or is no effect.
+        If the file cannot be read, is no effect, or bears the name of one of the catalogue.
     """
     if not path.is_file():
         raise UserError(f'no effect file {path}')
+    if path.stem in (*_FILES, *LEARNED):
+        raise UserError(f'{path}: `{path.stem}` is an effect of the catalogue; rename the file')
     name = f'motor_sysid_user_effect_{path.stem}'
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None:
@@ -120,6 +122,6 @@ def add_effect_file(path: Path) -> Effect:
         del sys.modules[name]
         reason = f'{type(problem).__name__}: {problem}'
         raise UserError(f'effect file {path} cannot be read: {reason}') from problem
-    added = load_effect(path.stem, module)
-    catalogue()[path.stem] = added
+    added = checked(load_effect(path.stem, module))
+    catalogue().update({one.key: one for one in added.repeated()})
     return added
