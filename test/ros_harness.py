@@ -11,7 +11,7 @@ import tempfile
 import time
 from typing import IO
 
-PATIENCE = 40.0
+PATIENCE = 120.0
 """Seconds after which a test gives up; a busy machine needs ten times what an idle one does."""
 
 
