@@ -318,7 +318,7 @@ SPEED = 'signals: {speed: {column: v}}'
         (SPEED + '\nmax_gap: ' + '9' * 400, '`max_gap` must be a number'),
         (SPEED + '\nmax_gap: -1', '`max_gap` is -1 s, must be above 0; leave it out for the def'),
         (SPEED + '\nmax_gap: 0', '`max_gap` is 0 s, must be above 0'),
-        ('signals: {speed: {column: v}, torque: {product: []}}', r'`signals.torque.product` is em'),
+        ('signals: {speed: {column: v}, torque: {product: []}}', 'torque.product` is empty'),
         ('signals: {speed: {column: ""}}', '`signals.speed.column` is empty; name what'),
         ('signals: {speed: {topic: t, field: x, when: {are: dq}}}', 'has no key `are`'),
     ],

@@ -108,7 +108,8 @@ def parse_model(text: str, where: str = 'model') -> Model:
     ------
     UserError
         If it is not a model of schema ``motor_sysid/model/1``, has a key twice, names an unknown
-        motor, effect or parameter, gives another unit than the SI unit, or a value outside its box.
+        motor, effect or parameter, gives another unit than the SI unit, or a value outside its
+        box.
     """
     try:
         return _build(_content(text))
