@@ -67,6 +67,10 @@ def test_on_the_command_line(data, tmp_path, capsys):
     table = np.column_stack([record.time, *record.signals.values()])
     np.savetxt(path, table, delimiter=',', header=header, comments='')
     save_model(fitted(data), model)
+    assert main(['compare', str(model), 'none.csv', '--ceiling', 'nope']) == 2
+    assert 'unknown structure `nope`' in capsys.readouterr().err
+    assert main(['compare', str(model), str(path), '--hold-back', '0.3']) == 2
+    assert 'is the part that --ceiling judges on; give that, too' in capsys.readouterr().err
     assert main(['compare', str(model), str(path), '--ceiling', 'arx', '--json', str(result)]) == 0
     said = capsys.readouterr().out
     assert re.search(r'your physical model explains [\d.]+ % of what any model explains', said)

@@ -1,8 +1,10 @@
 """`motor-sysid check` and the command line around it: words, exit codes, JSON, no tracebacks."""
 
 import argparse
+from dataclasses import replace
 import importlib.util
 import json
+import os
 from pathlib import Path
 import subprocess
 import sys
@@ -192,3 +194,29 @@ def test_a_data_sheet_of_which_nothing_is_understood_is_refused(tmp_path):
         load_datasheet(sheet)
     sheet.write_text('nominal: {inertia_total_kgm2: 1.0e-4}\nprice: 30\n')
     assert load_datasheet(sheet).nominal == {'J': 1e-4}
+
+
+def test_steps_that_no_recording_has_are_refused_with_the_unit_of_time(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], recwarn: pytest.WarningsRecorder
+) -> None:
+    record = motor_record(2000)
+    for size in (1e-300, 1e-8, 1e8, 1e300):
+        odd = replace(record, time=record.time * (size / record.time[-1]))
+        write_record(odd, tmp_path / 'odd.csv')
+        assert main(['check', str(tmp_path / 'odd.csv')]) == 2
+        assert 's apart are outside 1e-09 to 10000 s' in capsys.readouterr().out
+        assert main(['fit', str(tmp_path / 'odd.csv')]) == 2
+        assert 'give the unit of the time: `time [ms]`' in capsys.readouterr().err
+    assert not recwarn.list
+
+
+def test_a_terminal_that_lacks_a_character_shows_a_question_mark(good: Path) -> None:
+    umlaut = good.rename(good.with_name('güte.csv.gz'))
+    done = subprocess.run(
+        [sys.executable, '-m', 'motor_sysid.cli', 'check', str(umlaut)],
+        env={**os.environ, 'PYTHONIOENCODING': 'ascii'}, capture_output=True, text=True,
+        timeout=60, check=False, cwd=Path(__file__).parent.parent,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, '')
+    assert 'te.csv.gz' in done.stdout
+    assert '?' in done.stdout.splitlines()[0]

@@ -1,6 +1,7 @@
 """What verbs read: looked over as `check` does; twins, data sheets and slips told in words."""
 
 from pathlib import Path
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -9,6 +10,7 @@ from recording_tools import motor_record
 
 from motor_sysid.cli import main
 from motor_sysid.diagnosis import fitting
+from motor_sysid.errors import UserError
 from motor_sysid.physics.datasheet import load_datasheet
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
@@ -122,6 +124,30 @@ def test_slips_in_a_data_sheet_are_refused_with_a_guess(
     error = refused(capsys, 'fit', data, '--nominal', file(tmp_path, text))
     assert 'unknown entry `' in error
     assert f'did you mean `{meant}`' in error
+
+
+@pytest.mark.parametrize(
+    ('text', 'message'),
+    [
+        ('motor_type: [brushed_dc]', "motor_type `['brushed_dc']` is not known"),
+        ('nominal: {resistance_ohm: .inf}', '`resistance_ohm` is inf; it must be a finite number'),
+        ('nominal: {resistance_ohm: 1' + 400 * '0' + '}', 'it must be a finite number above 0'),
+        ('nominal: {resistance_ohm: two}', "`resistance_ohm` is 'two'; it must be a finite"),
+        ('encoder_counts_per_rev: -3', '`encoder_counts_per_rev` is -3; it must be a finite'),
+        ('nominal: {resistance_ohm: 1, resistance_ohm: 2}', 'key `resistance_ohm` stands twice'),
+        (
+            'nominal: {resistance_ohm: 1, phase_resistance_ohm: 2}',
+            '`resistance_ohm` and `phase_resistance_ohm` both give `R`; leave one',
+        ),
+    ],
+)
+def test_values_that_no_data_sheet_can_have(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(UserError, match=re.escape(message)):
+        load_datasheet(file(tmp_path, text))
+
+
+def test_a_number_without_a_dot_is_a_number(tmp_path: Path) -> None:
+    assert load_datasheet(file(tmp_path, 'nominal: {inductance_H: 1e-3}')).nominal == {'L': 1e-3}
 
 
 def test_what_a_data_sheet_has_beside_is_no_slip(

@@ -162,6 +162,11 @@ def test_same_seed_same_file(tmp_path):
         (['--rate', 'nan'], '--rate nan is no number above 0'),
         (['--seed', '-1'], '--seed -1 is no whole number from 0 on'),
         (['--seed', '0.5'], '--seed 0.5 is no whole number from 0 on'),
+        (['--duration', '1e9'], '1e+09 s at 1000 Hz are more than 10,000,000 samples; give a'),
+        (['--rate', '1e300'], '--rate 1e300 is no number above 0.0001 and below 1e+09'),
+        (['--rate', '1e8'], '20 s at 1e+08 Hz are more than'),
+        (['--set', 'coulomb_friction.tau_c=3'], 'give --effect coulomb_friction, too'),
+        (['--set', 'coulomb_frction.tau_c=3'], 'unknown effect `coulomb_frction`'),
         (['--counts', '-4'], '--counts -4 is no whole number from 0 on'),
         (['--current-bits', '2000'], '--current-bits 2000 is no whole number from 0 to 32'),
         (['--current-noise', '-0.1'], '--current-noise -0.1 is no number from 0 on'),
@@ -185,3 +190,23 @@ def test_bad_questions(tmp_path, capsys, arguments, message):
     assert error.startswith('error: ')
     assert message in error
     assert 'Traceback' not in error
+
+
+@pytest.mark.parametrize('name', ['x.mat', 'x.NPZ', 'x.yaml', 'x.csv.zip', 'x.MCAP', 'no/x.csv'])
+def test_the_place_is_looked_at_before_the_work(tmp_path, capsys, name):
+    assert main(['simulate', 'missing.yaml', '-o', str(tmp_path / name)]) == 2
+    error = capsys.readouterr().err
+    assert any(part in error for part in ('name a .csv', 'a bag is a folder', 'is no folder'))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_bag_needs_a_place_of_its_own(tmp_path, capsys):
+    assert main(['simulate', 'missing.yaml', '-o', str(tmp_path)]) == 2
+    assert 'exists already; choose another name' in capsys.readouterr().err
+
+
+def test_a_table_may_be_named_in_capitals(tmp_path):
+    out = tmp_path / 'RUN.CSV'
+    assert main(['simulate', *SHORT, '-o', str(out)]) == 0
+    assert out.is_file()
+    assert len(one(out)) > 100

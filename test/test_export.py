@@ -18,7 +18,7 @@ import yaml
 from motor_sysid.cli import main
 from motor_sysid.control.pid import Pid, PidGains
 from motor_sysid.errors import UserError
-from motor_sysid.export import export, FORMATS, Settings, title_of
+from motor_sysid.export import export, FORMATS, Settings, title_of, uses_of
 from motor_sysid.export.linear import linear_plant
 from motor_sysid.export.pid import margins, worst_margins
 from motor_sysid.export.rigid import drive, rigid
@@ -29,7 +29,8 @@ from motor_sysid.physics.motors import motors
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.physics.store import save_model
 
-PAGE = (Path(__file__).resolve().parent.parent / 'docs' / 'export.md').read_text()
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = (ROOT / 'docs' / 'export.md').read_text()
 VALUES = {'R': 1.2, 'L': 1e-3, 'k_t': 0.05, 'J': 8e-5, 'b': 2e-5}
 BASE = Model.base('brushed_dc', VALUES)
 DRY = BASE.with_effect('coulomb_friction', {'tau_c': 0.01})
@@ -438,6 +439,8 @@ def test_what_the_data_do_not_tell_makes_a_figure_unknown() -> None:
     ('given', 'word'),
     [
         ({'gear': 0.0}, 'gear ratio 0'),
+        ({'gear': 1e300}, r'gear ratio 1e\+300 must be from 1e-09 to 1e\+09'),
+        ({'body_inertia': 1e300}, r'or above 1e\+09'),
         ({'supply': -1.0}, 'supply -1'),
         ({'rate': math.inf}, 'rate inf'),
         ({'top_speed': math.nan}, 'top speed nan'),
@@ -449,6 +452,38 @@ def test_what_the_data_do_not_tell_makes_a_figure_unknown() -> None:
 def test_settings_that_make_no_sense_are_refused(given: dict[str, float], word: str) -> None:
     with pytest.raises(UserError, match=word):
         Settings(**given)
+
+
+@pytest.mark.parametrize(
+    ('to', 'name', 'word'),
+    [
+        ('matlab', 'end', 'name `end` is taken in MATLAB; take another, such as `end_motor`'),
+        ('matlab', 'ss', 'is taken in MATLAB'),
+        ('matlab', '_motor', 'in MATLAB a name begins with a letter'),
+        ('c_header', 'int', 'name `int` is taken in C; take another'),
+    ],
+)
+def test_names_that_mean_something_else_are_refused(to: str, name: str, word: str) -> None:
+    with pytest.raises(UserError, match=word):
+        export(DRY, to, Settings(name=name))
+    assert name in export(DRY, 'mujoco', Settings(name=name)).text
+
+
+@pytest.mark.parametrize('to', FORMATS)
+def test_a_format_looks_at_what_it_says(to: str) -> None:
+    source = (ROOT / 'motor_sysid' / 'export' / f'{to}.py').read_text()
+    assert set(re.findall(r'settings\.(\w+)', source)) - {'refuse_reserved'} <= set(uses_of(to))
+
+
+def test_options_that_a_format_does_not_look_at_are_refused(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for to, *option in (
+        ['feedforward', '--rate', '500'], ['pid', '--name', 'left'], ['matlab', '--gear', '1'],
+        ['state_space', '--top-speed', '9'],
+    ):  # fmt: skip
+        assert main(['export', 'model.yaml', '--to', to, *option]) == 2
+        assert f'{option[0]} does nothing with --to {to}, which takes' in capsys.readouterr().err
 
 
 def test_unknown_formats_and_motors_without_a_linear_part() -> None:

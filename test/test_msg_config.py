@@ -282,7 +282,9 @@ SPEED = 'signals: {speed: {column: v}}'
         ('signals: {}', '`signals` is missing'),
         ('- a', 'must be a mapping'),
         ('signals: [a]', '`signals` must be a mapping'),
-        ('a: {', 'not valid YAML'),
+        ('a: {', 'not a YAML file'),
+        ('a: 2025-13-01', 'not a YAML file: month must be'),
+        ('{[a]: 1}', 'unhashable key'),
         ('signal: {}', r'has no key `signal` \(did you mean `signals`\?\); allowed are'),
         ('signals: {speeed: {column: v}}', r'is not a signal \(did you mean `speed`'),
         ('signals: {speed: {colum: v}}', r'has no key `colum` \(did you mean `column'),
@@ -313,6 +315,11 @@ SPEED = 'signals: {speed: {column: v}}'
         (SPEED + '\ntime: {unit: s}', 'needs `column: HEADER`'),
         (SPEED + '\ntime: {column: t, unit: V}', 'must be a time'),
         (SPEED + '\nmax_gap: long', '`max_gap` must be a number'),
+        (SPEED + '\nmax_gap: ' + '9' * 400, '`max_gap` must be a number'),
+        (SPEED + '\nmax_gap: -1', '`max_gap` is -1 s, must be above 0; leave it out for the def'),
+        (SPEED + '\nmax_gap: 0', '`max_gap` is 0 s, must be above 0'),
+        ('signals: {speed: {column: v}, torque: {product: []}}', 'torque.product` is empty'),
+        ('signals: {speed: {column: ""}}', '`signals.speed.column` is empty; name what'),
         ('signals: {speed: {topic: t, field: x, when: {are: dq}}}', 'has no key `are`'),
     ],
 )
@@ -327,6 +334,11 @@ def test_missing_files_and_columns(tmp_path: Path) -> None:
     path = csv(tmp_path / 'a.csv', 't,v')
     with pytest.raises(UserError, match=r'nowhere\.yaml does not exist'):
         load(path, tmp_path / 'nowhere.yaml')
+    with pytest.raises(UserError, match='is a folder; name a file in it'):
+        load(path, tmp_path)
+    (tmp_path / 'latin.yaml').write_bytes(b'description: M\xfcller\n')
+    with pytest.raises(UserError, match=r'latin\.yaml cannot be read: .* save it as UTF-8'):
+        load(path, tmp_path / 'latin.yaml')
     with pytest.raises(UserError, match=r'msg_config has no `emp`; it has .*emps'):
         load(path, 'emp')
     with pytest.raises(UserError, match='names no time column'):

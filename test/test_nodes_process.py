@@ -267,6 +267,7 @@ def test_the_demo_refuses_what_it_cannot_do(
         (['--hide', 'witchcraft'], 'witchcraft'),
         (['--seconds', '0'], 'outside 5 to 3600'),
         (['--rate', '9999'], 'outside 50 to 1000'),
+        (['--seed', '-1'], '--seed -1 is no whole number from 0 to 2147483647'),
     ):
         assert main(['demo', '--out', str(tmp_path / 'x'), *arguments]) == 2
         assert message in capsys.readouterr().err

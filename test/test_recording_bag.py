@@ -179,7 +179,9 @@ def test_a_bag_that_lost_all_of_its_chunks_is_not_called_empty(
         load(file)
 
 
-def test_folder_without_metadata(bag: Path, tmp_path: Path) -> None:
+def test_folder_without_metadata(
+    bag: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     copy = tmp_path / 'copy'
     shutil.copytree(bag, copy)
     (copy / 'metadata.yaml').unlink()
@@ -188,6 +190,8 @@ def test_folder_without_metadata(bag: Path, tmp_path: Path) -> None:
     assert codes(loaded) == {'missing_metadata'}
     (copy / 'metadata.yaml').write_text('{nonsense: [')
     assert codes(load(copy)) == {'missing_metadata'}
+    monkeypatch.chdir(copy)
+    assert any('of copy cannot be read' in one.message for one in load('.').findings)
 
 
 def test_split_bag_with_one_file_gone(tmp_path: Path) -> None:

@@ -76,6 +76,8 @@ def test_a_hand_written_file_needs_little():
         ('value: 1.5', 'value: -1.5', 'outside its range'),
         ('value: 1.5', 'value: .nan', 'NaN'),
         ('value: 1.5', 'value: big', 'give a number'),
+        ('value: 1.5', 'value: 1' + 400 * '0', 'give a number'),
+        ('motor: brushed_dc', 'motor: pmsm\nmotor: brushed_dc', 'key `motor` stands twice'),
         ('value: 1.5', 'valeu: 1.5', 'unknown entry of parameter `R` `valeu`'),
         ('  R:', '  R_a:', 'unknown parameter `R_a`'),
         ('speed_sensor: ideal', 'speed_sensor: good', 'ideal, difference or sampled'),

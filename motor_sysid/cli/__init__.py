@@ -6,6 +6,7 @@ from contextlib import nullcontext, redirect_stdout
 import errno
 import importlib
 import importlib.util
+import io
 import os
 import sys
 from typing import cast, Protocol
@@ -44,6 +45,7 @@ class Verb(Protocol):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one verb; returns the exit code (0 good, 2 bad input, 130 interrupted)."""
     use_one()
+    _speak_as_can_be()
     arguments = sys.argv[1:] if argv is None else list(argv)
     try:
         args = _parser(arguments).parse_args(arguments)
@@ -66,6 +68,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say_no_more()
         print(f'error: {problem.strerror}; make room and try again', file=sys.stderr)
         return BAD_INPUT
+
+
+def _speak_as_can_be() -> None:
+    """Let a stream that has no sign for a character show a question mark, and go on."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper) and stream.errors != 'backslashreplace':
+            stream.reconfigure(errors='replace')
 
 
 def _say_no_more() -> None:

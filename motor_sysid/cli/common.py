@@ -9,6 +9,9 @@ import sys
 from motor_sysid.cli.output import json_target
 from motor_sysid.errors import UserError
 
+HOLD_BACK = 0.2
+"""Part of a recording that is held back."""
+
 
 def number(
     option: str, least: float, most: float = math.inf, *, closed: bool = False
@@ -66,11 +69,13 @@ def add_data_arguments(parser: argparse.ArgumentParser, *, validate: bool = Fals
         add_hold_back(parser, 'part of each DATA that is held back without --validate')
 
 
-def add_hold_back(parser: argparse.ArgumentParser, meaning: str) -> None:
-    """Declare --hold-back."""
+def add_hold_back(
+    parser: argparse.ArgumentParser, meaning: str, default: float | None = HOLD_BACK
+) -> None:
+    """Declare --hold-back; with None as default `HOLD_BACK` is up to the verb."""
     parser.add_argument(
-        '--hold-back', type=number('--hold-back', 0, 1), default=0.2, metavar='FRACTION',
-        help=f'{meaning} (default: %(default)s)',
+        '--hold-back', type=number('--hold-back', 0, 1), default=default, metavar='FRACTION',
+        help=f'{meaning} (default: {HOLD_BACK:g})',
     )  # fmt: skip
 
 

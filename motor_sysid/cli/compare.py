@@ -9,11 +9,13 @@ from motor_sysid.cli.common import (
     add_data_arguments,
     add_effect_file_argument,
     add_hold_back,
+    HOLD_BACK,
     load_effect_files,
     progress,
 )
 from motor_sysid.cli.output import write_json
 from motor_sysid.cli.reading import load_data, load_first_model
+from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.where.compare import Comparison
@@ -35,7 +37,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help='also fit black-box structures (all, or those named: tf, arx, ...) to the first part '
         'of DATA, and say how much of what any of them explains in the rest the model explains',
     )  # fmt: skip
-    add_hold_back(parser, 'part of each DATA that --ceiling judges on')
+    add_hold_back(parser, 'part of each DATA that --ceiling judges on', None)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -46,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.diagnosis.search.motor_kind import passed_over
     from motor_sysid.estimation.batch import observed_outputs
 
+    _check_ceiling(args)
     load_effect_files(args.effect_file)
     model = load_first_model(args)
     records = load_data(args.data, args.msg_config)
@@ -80,9 +83,21 @@ def run(args: argparse.Namespace) -> int:
         'where': [where_document(w) for w in where],
     }
     if args.ceiling is not None:
-        document['ceiling'] = _ceiling(model, records, args.ceiling, args.hold_back)
+        hold_back = args.hold_back or HOLD_BACK
+        document['ceiling'] = _ceiling(model, records, args.ceiling, hold_back)
     write_json(document, args.json)
     return 0
+
+
+def _check_ceiling(args: argparse.Namespace) -> None:
+    """Refuse structures that there are not, and what does nothing without any."""
+    if args.ceiling is None and args.hold_back is not None:
+        raise UserError('--hold-back is the part that --ceiling judges on; give that, too')
+    if args.ceiling:
+        from motor_sysid.structures import known_kind
+
+        for key in args.ceiling:
+            known_kind(key)
 
 
 def _ceiling(

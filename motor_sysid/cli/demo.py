@@ -10,7 +10,7 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import add_json_argument
+from motor_sysid.cli.common import add_json_argument, whole
 from motor_sysid.cli.compiling import compile_nodes
 from motor_sysid.cli.demo_motors import DemoMotor, MOTORS
 from motor_sysid.cli.demo_result import Demo, finish
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 HELP = 'run a motor with hidden effects in closed loop over ROS 2, then find out what was hidden'
 
+LARGEST_SEED = 2**31 - 1
+"""What the node `motor` takes."""
 TOLERANCE = 0.1
 """The motor on the bench differs from its datasheet by up to this share."""
 
@@ -48,7 +50,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     parser.add_argument('--out', type=Path, help='folder for all results (default: demo_DATE)')
     parser.add_argument('--storage', choices=('sqlite3', 'mcap'), default='sqlite3')
-    parser.add_argument('--seed', type=int, default=1, help='of the motor and its noise')
+    parser.add_argument(
+        '--seed', type=whole('--seed', 0, LARGEST_SEED), default=1,
+        help='of the motor and its noise (default: %(default)s)',
+    )  # fmt: skip
     add_json_argument(parser)
 
 

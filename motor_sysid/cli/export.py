@@ -6,6 +6,7 @@ import sys
 
 from motor_sysid.cli.common import add_effect_file_argument, add_json_argument, load_effect_files
 from motor_sysid.cli.output import new_file, write_each, write_json, write_text
+from motor_sysid.errors import UserError
 
 HELP = 'write a model for other tools: feedforward, gains, MuJoCo, URDF, MATLAB, C'
 
@@ -24,7 +25,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '-o', '--out', type=new_file, metavar='FILE', help='write it there (default: stdout)'
     )
     target = parser.add_argument_group('where it goes')
-    target.add_argument('--name', default='motor', help='of joint and variables (default: motor)')
+    target.add_argument('--name', help='of joint and variables (default: motor)')
     for option, unit, words in (
         ('--gear', 'N', 'turns of the motor in one turn of the joint (default: 1)'),
         ('--supply', 'V', 'largest input either way; V, or N m, N, A'),
@@ -40,11 +41,18 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Write the model, and say what is left out."""
-    from motor_sysid.export import export, Settings
+    from motor_sysid.export import export, Settings, uses_of
     from motor_sysid.physics.store import load_model
 
-    load_effect_files(args.effect_file)
     names = ('name', 'gear', 'supply', 'top_speed', 'rate', 'closed_loop_time', 'body_inertia')
+    uses = uses_of(args.to)
+    for name in (name for name in names if name not in uses and getattr(args, name) is not None):
+        options = ', '.join(f'--{one}'.replace('_', '-') for one in uses)
+        raise UserError(
+            f'--{name.replace("_", "-")} does nothing with --to {args.to}, which takes {options}; '
+            'leave it out'
+        )
+    load_effect_files(args.effect_file)
     given = {name: value for name in names if (value := getattr(args, name)) is not None}
     made = export(load_model(args.model), args.to, Settings(**given))
     if args.out is None and args.json is not sys.stdout:

@@ -44,6 +44,24 @@ def new_page(text: str) -> Path:
     return path
 
 
+def new_record(text: str) -> Path:
+    """Return the path of a table or of a bag folder to write; see `new_file`.
+
+    Raises
+    ------
+    UserError
+        If neither can be written there, or the name is that of a file of another kind.
+    """
+    from motor_sysid.recording.save import is_table
+
+    path = Path(text)
+    if is_table(path):
+        return new_file(text)
+    if path.exists():
+        raise UserError(f'{path} exists already; choose another name for the bag')
+    return new_page(text)
+
+
 def json_target(text: str) -> Path | TextIO:
     """Return where JSON goes, the type of --json: a new file, or stdout for ``-``."""
     return sys.stdout if text == '-' else new_file(text)

@@ -11,11 +11,13 @@ from motor_sysid.cli.common import (
     number,
     whole,
 )
-from motor_sysid.cli.output import new_file, write_each, write_model
+from motor_sysid.cli.output import new_file, new_record, write_each, write_model
 from motor_sysid.cli.reading import load_data
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
+    from collections.abc import Container, Iterable
+
     import numpy as np
     from numpy.typing import NDArray
 
@@ -33,6 +35,7 @@ _SLOWEST_LOOP = 0.05
 _CROSSOVER = 40.0
 _LARGEST_CURRENT = 0.4
 _LARGEST_TURN = 0.2
+_MOST_SAMPLES = 10**7
 _FILES = ('.yaml', '.yml', '.csv')
 _DEFAULTS: dict[str, object] = {
     'motor': 'brushed_dc', 'linear': False, 'profile': 'mixed', 'duration': 20.0, 'rate': 1000.0
@@ -77,7 +80,7 @@ def _add_plant_arguments(parser: argparse.ArgumentParser) -> None:
         help='parameters in SI units: R=1.2 coulomb_friction.tau_c=0.01',
     )  # fmt: skip
     parser.add_argument(
-        '-o', '--out', type=Path, required=True, metavar='FILE',
+        '-o', '--out', type=new_record, required=True, metavar='FILE',
         help='.csv, .csv.gz, or else a bag folder',
     )  # fmt: skip
     parser.add_argument('--storage', choices=('mcap', 'sqlite3'), default='mcap', help='of a bag')
@@ -112,7 +115,9 @@ def _add_motion_arguments(parser: argparse.ArgumentParser) -> None:
     motion.add_argument(
         '--duration', type=number('--duration', 0), metavar='S', help='(default: 20)'
     )
-    motion.add_argument('--rate', type=number('--rate', 0), metavar='HZ', help='(default: 1000)')
+    motion.add_argument(
+        '--rate', type=number('--rate', 1e-4, 1e9), metavar='HZ', help='(default: 1000)'
+    )
 
 
 def run(args: argparse.Namespace) -> int:
@@ -181,8 +186,20 @@ def _model(args: argparse.Namespace, dt: float) -> 'Model':
     else:
         model = Model.base(args.motor, own, linear=args.linear)
     rest = {name: value for name, value in given.items() if '.' in name}
+    _refuse_without_effect(rest, {*model.effects, *args.effect})
     scales = scales_of_drive(model, args.supply, dt)
     return with_hidden(model, args.effect, rest, scales)
+
+
+def _refuse_without_effect(names: 'Iterable[str]', present: 'Container[str]') -> None:
+    """Refuse parameters of effects that the motor does not have."""
+    from motor_sysid.physics.effects import effect
+
+    for name in names:
+        key = name.partition('.')[0]
+        if key not in present:
+            effect(key)
+            raise UserError(f'`{name}` belongs to an effect; give --effect {key}, too')
 
 
 def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
@@ -193,6 +210,11 @@ def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
 
     dt = 1 / args.rate
     profile, sense = _profile(model, args), _sensors(model, args, dt)
+    if not profile.duration * args.rate <= _MOST_SAMPLES:
+        raise UserError(
+            f'{profile.duration:g} s at {args.rate:g} Hz are more than {_MOST_SAMPLES:,} samples; '
+            'give a shorter --duration or a lower --rate'
+        )
     wanted = profile.sampled(dt)
     if profile.signal != SPEED:
         return run_open(model, {profile.signal: wanted}, dt, sense)

@@ -7,6 +7,7 @@ may be in any unit.
 """
 
 from collections.abc import Mapping
+from contextlib import suppress
 import csv
 from dataclasses import fields
 import itertools
@@ -20,6 +21,7 @@ from motor_sysid.control.profile import Hold, Part, Profile, SHAPES, SPEED
 from motor_sysid.errors import UserError
 from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.units import parse_unit
+from motor_sysid.yaml_text import load_yaml, read_utf8
 
 SCHEMA = 'motor_sysid/profile/1'
 LIMITS = ('input', 'speed', 'current', 'travel')
@@ -61,8 +63,8 @@ def load_profile(path: Path) -> tuple[Profile, dict[str, float]]:
         If the file cannot be read or is no profile.
     """
     try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as problem:
+        text = read_utf8(path)
+    except UserError as problem:
         raise UserError(f'cannot read profile {path}: {problem}') from problem
     try:
         return (_from_table(text, path.stem), {}) if path.suffix == '.csv' else parse_profile(text)
@@ -111,10 +113,7 @@ def parse_profile(text: str) -> tuple[Profile, dict[str, float]]:
     UserError
         If it is not of schema ``motor_sysid/profile/1``; the message says what is wrong.
     """
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as problem:
-        raise UserError(f'not a YAML file: {" ".join(str(problem).split())}') from problem
+    content = load_yaml(text)
     if not isinstance(content, dict) or content.get('schema') != SCHEMA:
         found = content.get('schema') if isinstance(content, dict) else None
         raise UserError(f'`schema` is {found!r}, expected {SCHEMA!r}; see docs/suggest.md')
@@ -144,8 +143,10 @@ def _part(entry: object, place: int) -> Part:
 
 
 def _number(value: object, what: str) -> float:
-    if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-        return float(value)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        with suppress(OverflowError):
+            if math.isfinite(value):
+                return float(value)
     raise UserError(f'{what} = {value!r} is not a finite number')
 
 

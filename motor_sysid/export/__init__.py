@@ -3,8 +3,8 @@
 `settings` has what the model does not tell (gear, supply, rate).  Formats build on `linear`, the
 state space of the linear part, or on `rigid`, one inertia with dry and viscous friction and what
 drives it; `loads` has those behind a shaft or a play, `joint` is all that behind the gear, `words`
-what all of them write.  To add a format: write its file, with `TITLE`, `SUFFIX` and
-`write(model, settings)`, and add its name to `FORMATS`.
+what all of them write.  To add a format: write its file, with `TITLE`, `SUFFIX`,
+`USES` (the settings that it looks at) and `write(model, settings)`, and add its name to `FORMATS`.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from motor_sysid.export.settings import Settings
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.units import did_you_mean
 
-__all__ = ['FORMATS', 'Exported', 'Settings', 'export', 'title_of']
+__all__ = ['FORMATS', 'Exported', 'Settings', 'export', 'title_of', 'uses_of']
 
 FORMATS = (
     'feedforward', 'pid', 'mujoco', 'urdf', 'state_space', 'matlab', 'c_header',
@@ -70,3 +70,9 @@ def title_of(name: str) -> str:
     """Return what a format is, in words."""
     title: str = import_module(f'{__name__}.{name}').TITLE
     return title
+
+
+def uses_of(name: str) -> tuple[str, ...]:
+    """Return the settings that a format looks at."""
+    uses: tuple[str, ...] = import_module(f'{__name__}.{name}').USES
+    return uses

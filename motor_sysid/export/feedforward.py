@@ -19,6 +19,7 @@ from motor_sysid.physics.model import linear_unit, Model
 
 TITLE = 'command that a wanted motion takes: k_s, k_v, k_a (YAML)'
 SUFFIX = '.yaml'
+USES = ('gear', 'top_speed')
 
 GRAVITY = 'gravity_load'
 

@@ -1,5 +1,6 @@
 """A script for MATLAB (Control System Toolbox) or GNU Octave (package control)."""
 
+from motor_sysid.errors import UserError
 from motor_sysid.export import words
 from motor_sysid.export.linear import linear_plant
 from motor_sysid.export.settings import Settings
@@ -7,10 +8,29 @@ from motor_sysid.physics.model import Model
 
 TITLE = 'script with parameters and state space (MATLAB, GNU Octave)'
 SUFFIX = '.m'
+USES = ('name', 'rate')
+
+_TAKEN = frozenset({
+    'break', 'case', 'catch', 'classdef', 'continue', 'do', 'else', 'elseif', 'end',
+    'end_try_catch', 'end_unwind_protect', 'endfor', 'endfunction', 'endif', 'endparfor',
+    'endswitch', 'endwhile', 'for', 'function', 'global', 'if', 'otherwise', 'parfor',
+    'persistent', 'return', 'spmd', 'switch', 'try', 'until', 'unwind_protect',
+    'unwind_protect_cleanup', 'while', 'c2d', 'exist', 'ss',
+})  # fmt: skip
+"""Words of MATLAB and Octave, and the functions that the script calls."""
 
 
 def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
-    """Return the text, and what is left out."""
+    """Return the text, and what is left out.
+
+    Raises
+    ------
+    UserError
+        If MATLAB does not take the name.
+    """
+    settings.refuse_reserved(_TAKEN, 'MATLAB')
+    if settings.name.startswith('_'):
+        raise UserError(f'name `{settings.name}`: in MATLAB a name begins with a letter')
     plant, name = linear_plant(model), settings.name
     lines = [f'% {line}' for line in words.heading(model)]
     lines += ['% dx/dt = A x + B u, y = C x + D u', ' '.join(['% states:', *_names(plant.states)])]

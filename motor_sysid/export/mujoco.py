@@ -14,6 +14,7 @@ from motor_sysid.physics.model import Model
 
 TITLE = 'joint and actuator of MuJoCo (MJCF)'
 SUFFIX = '.xml'
+USES = ('name', 'gear', 'supply', 'top_speed', 'body_inertia')
 
 
 def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:

@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 
 TITLE = 'gains of a speed loop with its margins (parameters of the node `pid`)'
 SUFFIX = '.yaml'
+USES = ('gear', 'supply', 'rate', 'closed_loop_time')
 
 DRAWS, SEED = 200, 1
 """Motors drawn for the worst margins."""

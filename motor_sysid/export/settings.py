@@ -1,10 +1,13 @@
 """What the target of an export has that the model does not tell: a gear, a supply, a rate."""
 
+from collections.abc import Collection
 from dataclasses import dataclass
-import math
 import re
 
 from motor_sysid.errors import UserError
+
+LEAST, MOST = 1e-9, 1e9
+"""What a gear, a supply, a speed, a rate or a time can be, in SI."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,24 @@ class Settings:
             'closed-loop time constant': (self.closed_loop_time, ' s'),
         }  # fmt: skip
         for what, (value, unit) in positive.items():
-            if value is not None and not 0 < value < math.inf:
-                raise UserError(f'{what} {value:g}{unit} must be positive and finite')
-        if not 0 <= self.body_inertia < math.inf:
-            raise UserError(f'inertia {self.body_inertia:g} kg m^2 of bodies must not be negative')
+            if value is not None and not LEAST <= value <= MOST:
+                raise UserError(f'{what} {value:g}{unit} must be from {LEAST:g} to {MOST:g}')
+        if not 0 <= self.body_inertia <= MOST:
+            raise UserError(
+                f'inertia {self.body_inertia:g} kg m^2 of bodies must not be negative, or above '
+                f'{MOST:g}'
+            )
+
+    def refuse_reserved(self, words: Collection[str], language: str) -> None:
+        """Refuse a name that means something else in a language.
+
+        Raises
+        ------
+        UserError
+            If the name is among `words`.
+        """
+        if self.name in words:
+            raise UserError(
+                f'name `{self.name}` is taken in {language}; take another, such as '
+                f'`{self.name}_motor`'
+            )

@@ -12,6 +12,7 @@ from motor_sysid.physics.model import Model
 
 TITLE = 'linear part as matrices A, B, C, D, with poles (JSON)'
 SUFFIX = '.json'
+USES = ('rate',)
 
 
 def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:

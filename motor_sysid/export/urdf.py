@@ -9,6 +9,7 @@ from motor_sysid.physics.model import Model
 
 TITLE = 'damping and friction of a joint (URDF)'
 SUFFIX = '.xml'
+USES = ('name', 'gear', 'supply', 'top_speed', 'body_inertia')
 
 
 def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:

@@ -10,13 +10,13 @@ Everything in it is optional::
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 import difflib
+import math
 from pathlib import Path
-
-import yaml
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
+from motor_sysid.yaml_text import load_yaml, read_utf8
 
 _SYMBOLS = {
     'resistance_ohm': 'R',
@@ -100,12 +100,11 @@ def load_datasheet(path: str | Path, wanted: str | None = None) -> Datasheet:
     ------
     UserError
         If the file cannot be read, is not YAML, says nothing that is understood, has an entry
-        that seems to mean another one, or a value is no positive number.
+        twice or one that seems to mean another, or a value is no positive number.
     """
     try:
-        text = Path(path).read_text(encoding='utf-8')
-        content = yaml.safe_load(text)
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as problem:
+        content = load_yaml(read_utf8(Path(path)))
+    except UserError as problem:
         raise UserError(f'cannot read data sheet {path}: {problem}') from problem
     if not isinstance(content, dict):
         raise UserError(f'data sheet {path} is not a mapping; see docs/models.md')
@@ -115,12 +114,13 @@ def load_datasheet(path: str | Path, wanted: str | None = None) -> Datasheet:
     if not isinstance(given, dict):
         raise UserError(f'data sheet {path}: `nominal` is not a mapping of names to numbers')
     _refuse_misspelt(path, content, given)
+    _refuse_twice(path, given)
     nominal = {
         _SYMBOLS[name]: _positive(path, name, value) * _per_model(name, meant)
         for name, value in given.items()
         if name in _SYMBOLS
     }
-    if kind is not None and kind not in motors():
+    if kind is not None and not (isinstance(kind, str) and kind in motors()):
         raise UserError(
             f'data sheet {path}: motor_type `{kind}` is not known; known are {", ".join(motors())}'
         )
@@ -134,6 +134,8 @@ def load_datasheet(path: str | Path, wanted: str | None = None) -> Datasheet:
         )
     if 'supply_voltage_V' in content:
         nominal['v_free'] = _positive(path, 'supply_voltage_V', content['supply_voltage_V'])
+    if 'encoder_counts_per_rev' in content:  # for people; no model needs it
+        _positive(path, 'encoder_counts_per_rev', content['encoder_counts_per_rev'])
     unread = tuple(str(name) for name in given if name not in _PRINTED | set(_SYMBOLS))
     return Datasheet(kind, nominal, unread)
 
@@ -157,6 +159,18 @@ def _refuse_misspelt(
             raise UserError(
                 f'data sheet {path}: unknown entry `{name}` under `nominal`; did you mean '
                 f'`{meant}`? What is for people may stand beside `nominal`'
+            )
+
+
+def _refuse_twice(path: str | Path, given: Mapping[str, object]) -> None:
+    """Refuse two entries for one parameter."""
+    first: dict[str, str] = {}
+    for name in (name for name in given if name in _SYMBOLS):
+        other = first.setdefault(_SYMBOLS[name], name)
+        if other != name:
+            raise UserError(
+                f'data sheet {path}: `{other}` and `{name}` both give `{_SYMBOLS[name]}`; leave '
+                'one of them out'
             )
 
 
@@ -189,6 +203,15 @@ def _whole(kind: object) -> bool:
 
 
 def _positive(path: str | Path, name: str, value: object) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0:
-        raise UserError(f'data sheet {path}: `{name}` is {value!r}; it must be a number above 0')
-    return float(value)
+    """Return a number above 0; YAML reads ``1e-3`` (without a dot) as text."""
+    try:
+        if isinstance(value, bool) or not isinstance(value, int | float | str):
+            raise ValueError
+        number = float(value)
+        if not 0 < number < math.inf:
+            raise ValueError
+    except (ValueError, OverflowError):
+        raise UserError(
+            f'data sheet {path}: `{name}` is {value!r}; it must be a finite number above 0'
+        ) from None
+    return number

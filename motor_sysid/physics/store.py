@@ -16,6 +16,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.parameters import Parameter, ParameterSet
+from motor_sysid.yaml_text import load_yaml, read_utf8
 
 SCHEMA = 'motor_sysid/model/1'
 
@@ -55,8 +56,8 @@ def load_model(path: str | Path) -> Model:
     """
     source = Path(path)
     try:
-        text = source.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as problem:
+        text = read_utf8(source)
+    except UserError as problem:
         raise UserError(f'cannot read model file {source}: {problem}') from problem
     return parse_model(text, str(source))
 
@@ -106,8 +107,9 @@ def parse_model(text: str, where: str = 'model') -> Model:
     Raises
     ------
     UserError
-        If it is not a model of schema ``motor_sysid/model/1``, names an unknown motor, effect or
-        parameter, gives another unit than the SI unit, or a value outside its box.
+        If it is not a model of schema ``motor_sysid/model/1``, has a key twice, names an unknown
+        motor, effect or parameter, gives another unit than the SI unit, or a value outside its
+        box.
     """
     try:
         return _build(_content(text))
@@ -120,11 +122,7 @@ def _parameter_entry(p: Parameter) -> dict[str, object]:
 
 
 def _content(text: str) -> Mapping[str, object]:
-    try:
-        content = yaml.safe_load(text)
-    except yaml.YAMLError as problem:
-        reason = ' '.join(str(problem).split())
-        raise UserError(f'not a YAML file: {reason}') from problem
+    content = load_yaml(text)
     if not isinstance(content, dict) or content.get('schema') != SCHEMA:
         found = content.get('schema') if isinstance(content, dict) else None
         raise UserError(
@@ -228,7 +226,7 @@ def _number(value: object, name: str) -> float:
         raise UserError(f'`{name}` is {value!r}; give a number')
     try:
         number = float(value)
-    except ValueError:
+    except (ValueError, OverflowError):
         raise UserError(f'`{name}` is {value!r}; give a number') from None
     if math.isnan(number):
         raise UserError(f'`{name}` is not a number (NaN)')

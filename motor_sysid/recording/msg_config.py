@@ -1,10 +1,8 @@
 """Read msg_config files: which topic or column carries which signal, in which unit and sign."""
 
-from collections.abc import Callable, Collection, Hashable, Mapping
+from collections.abc import Callable, Collection, Mapping
 import math
 from pathlib import Path
-
-import yaml
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording.field_path import parse_path
@@ -20,6 +18,7 @@ from motor_sysid.recording.sources import (
 from motor_sysid.resources import shipped_directory, shipped_file
 from motor_sysid.signals.channels import BY_NAME
 from motor_sysid.signals.units import did_you_mean, parse_unit
+from motor_sysid.yaml_text import load_yaml, read_utf8
 
 TOP_KEYS = ('description', 'namespace', 'base_clock', 'max_gap', 'time', 'segment_by', 'stamp',
             'signals')  # fmt: skip
@@ -53,16 +52,21 @@ def load_msg_config(name: str | Path) -> MsgConfig:
     """
     path = Path(name)
     if not path.is_file():
-        if path.suffix or len(path.parts) > 1:
+        shipped = not path.suffix and len(path.parts) == 1
+        if path.is_dir() and not (shipped and _ships(str(name))):
+            raise UserError(f'msg_config {path} is a folder; name a file in it')
+        if not shipped:
             raise UserError(f'msg_config file {path} does not exist')
         path = shipped_file('msg_config', str(name))
     try:
-        content = yaml.load(path.read_text(encoding='utf8'), _UniqueKeys)
-    except yaml.YAMLError as error:
-        raise UserError(f'{path} is not valid YAML: {_one_line(error)}') from None
-    except (UnicodeDecodeError, OSError) as error:
-        raise UserError(f'{path} cannot be read: {error}') from None
+        content = load_yaml(read_utf8(path))
+    except UserError as problem:
+        raise UserError(f'{path} cannot be read: {problem}') from None
     return parse_msg_config(content, str(path))
+
+
+def _ships(name: str) -> bool:
+    return (shipped_directory('msg_config') / f'{name}.yaml').is_file()
 
 
 def said_of_shipped(columns: Collection[str]) -> str:
@@ -104,7 +108,7 @@ def parse_msg_config(content: object, origin: str = 'msg_config') -> MsgConfig:
         segment_by=reader.text(top, 'segment_by'),
         namespace=reader.text(top, 'namespace').strip('/'),
         base_clock=reader.text(top, 'base_clock'),
-        max_gap=reader.number(top, 'max_gap', 0.0) or None,
+        max_gap=reader.max_gap(top),
         origin=origin,
         description=reader.text(top, 'description'),
     )
@@ -154,8 +158,19 @@ class _Reader:
             if not math.isfinite(number):
                 raise ValueError
             return number
-        except ValueError:
+        except (ValueError, OverflowError):
             raise self.fail(_join(where, key), f'must be a number, not `{value}`') from None
+
+    def max_gap(self, top: Table) -> float | None:
+        """Return the longest step within one record in s, None for the default."""
+        if 'max_gap' not in top:
+            return None
+        value = self.number(top, 'max_gap', 0.0)
+        if value <= 0.0:
+            raise self.fail(
+                'max_gap', f'is {value:g} s, must be above 0; leave it out for the default'
+            )
+        return value
 
     def flag(self, table: Table, key: str, where: str) -> bool:
         """Return a true-or-false entry."""
@@ -238,6 +253,8 @@ class _Reader:
             when=self.condition(table.get('when'), where),
             optional=self.flag(table, 'optional', where),
         )
+        if getattr(source, given[0]) in ('', ()):
+            raise self.fail(f'{where}.{given[0]}', 'is empty; name what the signal is read from')
         self.check_source(source, where)
         return source
 
@@ -327,30 +344,9 @@ def _order(config: MsgConfig, reader: _Reader) -> None:
         visit(name, ())
 
 
-class _UniqueKeys(yaml.SafeLoader):
-    """A loader that refuses a key given twice, which YAML would silently let win."""
-
-    def construct_mapping(
-        self, node: yaml.MappingNode, deep: bool = False
-    ) -> dict[Hashable, object]:
-        seen: set[Hashable] = set()
-        for key_node, _ in node.value:
-            key = self.construct_object(key_node, deep=True)
-            if isinstance(key, Hashable) and key in seen:
-                raise yaml.constructor.ConstructorError(
-                    None, None, f'key `{key}` stands twice', key_node.start_mark
-                )
-            seen.add(key)
-        return super().construct_mapping(node, deep)
-
-
 def _parser(parse: Callable[[str], object], text: str) -> Callable[[], object]:
     return lambda: parse(text)
 
 
 def _join(where: str, key: str) -> str:
     return f'{where}.{key}' if where else key
-
-
-def _one_line(error: yaml.YAMLError) -> str:
-    return ' '.join(str(error).split())

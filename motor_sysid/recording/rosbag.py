@@ -102,17 +102,17 @@ class Bag:
 
     def _metadata(self) -> Mapping[str, object]:
         """Content of metadata.yaml; empty, with a finding, where it is missing or broken."""
-        file = self.path / 'metadata.yaml'
+        file, name = self.path / 'metadata.yaml', self.path.resolve().name
         try:
             content = yaml.safe_load(file.read_text(encoding='utf8'))
             information = content['rosbag2_bagfile_information']
             if not isinstance(information, dict):
                 raise TypeError('no mapping')
         except FileNotFoundError:
-            self._note('missing_metadata', f'{self.path.name} has no metadata.yaml')
+            self._note('missing_metadata', f'{name} has no metadata.yaml')
             return {}
         except (yaml.YAMLError, KeyError, TypeError, UnicodeDecodeError, OSError):
-            self._note('missing_metadata', f'metadata.yaml of {self.path.name} cannot be read')
+            self._note('missing_metadata', f'metadata.yaml of {name} cannot be read')
             return {}
         return information
 

@@ -37,6 +37,12 @@ ALONE = {
 KINDS = ('voltage', 'current')
 FRAMES = {'dc': ('',), 'abc': ('_a', '_b', '_c'), 'dq': ('_d', '_q')}
 """`frame_id` to what follows the name of a voltage or current, as x, y, z of one vector."""
+BAGS = ('.mcap', '.db3')
+OTHERS = frozenset({
+    '.bag', '.gz', '.h5', '.hdf5', '.json', '.log', '.mat', '.npy', '.npz', '.parquet', '.tsv',
+    '.txt', '.xls', '.xlsx', '.yaml', '.yml', '.zip', '.zst', '.zstd',
+})  # fmt: skip
+"""How files of other kinds end; a bag folder of such a name would be taken for one."""
 CARRIED = {
     'speed', 'position', *ALONE, *(k + axis for k in KINDS for f in FRAMES.values() for axis in f)
 }
@@ -69,22 +75,40 @@ def write_record(
     Raises
     ------
     UserError
-        If the path cannot be written, or a signal has no topic.
+        If the path cannot be written, is named like a file of another kind, or a signal has no
+        topic.
     """
     path = Path(path)
     try:
-        if path.name.endswith('.csv'):
-            path.write_bytes(_csv(record))
-        elif path.name.endswith('.csv.gz'):
-            path.write_bytes(gzip.compress(_csv(record), mtime=0))
-        elif path.suffix in {'.mcap', '.db3'}:
-            raise UserError(f'{path}: a bag is a folder; give its name without {path.suffix}')
+        if is_table(path):
+            packed = path.suffix.lower() == '.gz'
+            path.write_bytes(gzip.compress(_csv(record), mtime=0) if packed else _csv(record))
         else:
             _refuse_without_topic(record, path)
             with BagWriter(path, storage, compress=compress, commit_period=np.inf) as bag:
                 _write_bag(record, bag, start)
     except OSError as error:
         raise UserError(f'{path} cannot be written: {error.strerror or error}') from None
+
+
+def is_table(path: Path) -> bool:
+    """Tell by its name whether a record is written as a table, and not as a bag folder.
+
+    Raises
+    ------
+    UserError
+        If the name is that of a file of another kind.
+    """
+    ending = path.suffix.lower()
+    if path.name.lower().endswith(('.csv', '.csv.gz')):
+        return True
+    if ending in BAGS:
+        raise UserError(f'{path}: a bag is a folder; give its name without {path.suffix}')
+    if ending in OTHERS:
+        raise UserError(
+            f'{path}: no {path.suffix} is written; name a .csv, a .csv.gz or a bag folder'
+        )
+    return False
 
 
 def _refuse_without_topic(record: Record, path: Path) -> None:

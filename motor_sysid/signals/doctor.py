@@ -39,6 +39,8 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
     every = [records] if isinstance(records, Record) else list(records)
     if not every:
         raise UserError('there is no record to examine')
+    if absurd := [*timing.absurd(every)]:
+        return by_severity(absurd)
     findings = [*values.check(every)]
     if not any(finding.code == 'non_finite' for finding in findings):
         for check in (

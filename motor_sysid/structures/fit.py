@@ -17,7 +17,7 @@ from motor_sysid.structures.base import (
     START_ROWS,
     Structure,
 )
-from motor_sysid.structures.kinds import KINDS
+from motor_sysid.structures.kinds import KINDS, known_kind
 
 Array = NDArray[np.float64]
 
@@ -86,8 +86,7 @@ def _check(
     records: Sequence[Record], inputs: Sequence[str], outputs: Sequence[str], kind: str,
     order: int | None, stride: int | None, hold_back: float,
 ) -> None:  # fmt: skip
-    if kind not in KINDS:
-        raise UserError(f'unknown structure `{kind}`; known are {", ".join(KINDS)}')
+    known_kind(kind)
     if not records or not inputs or not outputs:
         raise UserError('give at least one record, one input and one output')
     for record in records:

@@ -1,5 +1,7 @@
 """The kinds of structures.  To add one: write its file and add it here."""
 
+from motor_sysid.errors import UserError
+from motor_sysid.signals.units import did_you_mean
 from motor_sysid.structures.armax import Armax
 from motor_sysid.structures.arx import Arx
 from motor_sysid.structures.base import Kind
@@ -22,3 +24,18 @@ _ALL: tuple[Kind, ...] = (
 
 KINDS: dict[str, Kind] = {kind.key: kind for kind in _ALL}
 """Every kind by its key."""
+
+
+def known_kind(key: str) -> Kind:
+    """Return the kind of a key.
+
+    Raises
+    ------
+    UserError
+        If there is none.
+    """
+    if key not in KINDS:
+        raise UserError(
+            f'unknown structure `{key}`{did_you_mean(key, KINDS)}; known are {", ".join(KINDS)}'
+        )
+    return KINDS[key]

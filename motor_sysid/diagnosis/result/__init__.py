@@ -2,6 +2,6 @@
 
 Nothing is estimated here.  In reading order: `curves` (what is drawn of a diagnosis), `findings`
 (unknowns, evidence, blind spots, rivalries), `threshold` (what was asked of evidence), `result`
-(verdict, candidates, steps, and the diagnosis that holds them all), `figures` (numbers with their
-units), `plain`, `findings_json` and `document` (the JSON).
+(verdict, candidates, steps, and the diagnosis that holds them all), `names` (names in a sentence),
+`figures` (numbers with their units), `plain`, `findings_json` and `document` (the JSON).
 """

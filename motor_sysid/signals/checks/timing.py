@@ -13,8 +13,25 @@ MISSING_WARNING = 0.005
 """Share of samples that may be missing."""
 ON_GRID = 0.15
 """Distance of a long step from a multiple of the median step at which samples are missing."""
+SHORTEST, LONGEST = 1e-9, 1e4
+"""Time between two samples in s that a record of a motor can have."""
 FEW = 200
 """Samples below which nothing much can be fitted."""
+
+
+def absurd(records: Sequence[Record]) -> Iterator[Finding]:
+    """Find steps that no recording has; what else could be said of such a record is nonsense."""
+    for record in records:
+        if not SHORTEST <= record.dt <= LONGEST:
+            yield Finding(
+                Severity.ERROR, 'absurd_step',
+                f'samples {record.dt:.3g} s apart are outside {SHORTEST:g} to {LONGEST:g} s',
+                'nothing can be simulated or fitted',
+                'give the unit of the time: `time [ms]` as header, or `time: {column: COLUMN, '
+                'unit: ms}` in a msg_config file; look for stamps that are damaged',
+                {'dt_s': record.dt},
+            )  # fmt: skip
+            return
 
 
 def check(records: Sequence[Record]) -> Iterator[Finding]:
