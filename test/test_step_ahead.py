@@ -138,28 +138,31 @@ def fit_of(effects, error=1.0):
     return SimpleNamespace(model=SimpleNamespace(effects=effects), held=held)
 
 
+DELAY, LAG = 'input_delay', 'current_sensor_lag'
+
+
 @pytest.mark.parametrize(
     ('left', 'less', 'error', 'taken'),
     [
-        (('lag',), 500.0, 1.0, True),
-        (('lag',), 5.0, 1.0, False),
-        (('lag',), 500.0, 1.1, False),
-        (('delay', 'lag'), 500.0, 1.0, False),
-        (('delay',), 500.0, 1.0, False),
+        ((LAG,), 500.0, 1.0, True),
+        ((LAG,), 5.0, 1.0, False),
+        ((LAG,), 500.0, 1.1, False),
+        ((DELAY, LAG), 500.0, 1.0, False),
+        ((DELAY,), 500.0, 1.0, False),
     ],
     ids=['does better', 'does as well', 'spoils the held-out data', 'both are needed', 'goes'],
 )
 def test_a_step_takes_the_place_of_what_it_makes_superfluous(
     monkeypatch, left, less, error, taken
 ):
-    old, both, slim = fit_of(('delay',)), fit_of(('delay', 'lag')), fit_of(left, error)
+    old, both, slim = fit_of((DELAY,)), fit_of((DELAY, LAG)), fit_of(left, error)
     costs = {id(old): 1e4, id(slim): 1e4 - less}
     monkeypatch.setattr(step_ahead, 'pruned', lambda *_: slim)
     monkeypatch.setattr(step_ahead, 'profile_cost', lambda one, *_: (costs[id(one)], 4000))
-    gains, first = {'delay': 1000.0}, SimpleNamespace(key='lag')
+    gains, first = {DELAY: 1000.0}, SimpleNamespace(key=LAG)
     found = in_its_place(both, first, old, None, None, gains, lambda _: None)
     assert found is (slim if taken else None)
-    assert gains == {'delay': 1000.0} | ({'lag': 1000.0 + less} if taken else {})
+    assert gains == {DELAY: 1000.0} | ({LAG: 1000.0 + less} if taken else {})
 
 
 def test_a_lag_takes_the_place_of_a_delay_that_another_speed_sensor_made_of_it():
