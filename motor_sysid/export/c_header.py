@@ -15,24 +15,9 @@ TITLE = 'header with parameters and feedforward; with a rate, matrices of one st
 SUFFIX = '.h'
 USES = ('name', 'gear', 'top_speed', 'rate')
 
-_TAKEN = frozenset({
-    'auto', 'break', 'case', 'char', 'const', 'continue', 'default', 'do', 'double', 'else',
-    'enum', 'extern', 'float', 'for', 'goto', 'if', 'inline', 'int', 'long', 'register',
-    'restrict', 'return', 'short', 'signed', 'sizeof', 'static', 'struct', 'switch', 'typedef',
-    'union', 'unsigned', 'void', 'volatile', 'while',
-})  # fmt: skip
-"""Words of C."""
-
 
 def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
-    """Return the text, and what is left out.
-
-    Raises
-    ------
-    UserError
-        If the name is a word of C.
-    """
-    settings.refuse_reserved(_TAKEN, 'C')
+    """Return the text, and what is left out."""
     prefix = settings.name.upper()
     lines = ['/*', *(f' * {line}' for line in words.heading(model)), ' */']
     lines += [f'#ifndef {prefix}_H', f'#define {prefix}_H', '']

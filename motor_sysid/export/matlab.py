@@ -28,7 +28,11 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     UserError
         If MATLAB does not take the name.
     """
-    settings.refuse_reserved(_TAKEN, 'MATLAB')
+    if settings.name in _TAKEN:
+        raise UserError(
+            f'name `{settings.name}` is taken in MATLAB; take another, such as '
+            f'`{settings.name}_motor`'
+        )
     if settings.name.startswith('_'):
         raise UserError(f'name `{settings.name}`: in MATLAB a name begins with a letter')
     plant, name = linear_plant(model), settings.name

@@ -1,6 +1,5 @@
 """What the target of an export has that the model does not tell: a gear, a supply, a rate."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 import re
 
@@ -65,18 +64,4 @@ class Settings:
             raise UserError(
                 f'inertia {self.body_inertia:g} kg m^2 of bodies must not be negative, or above '
                 f'{MOST:g}'
-            )
-
-    def refuse_reserved(self, words: Collection[str], language: str) -> None:
-        """Refuse a name that means something else in a language.
-
-        Raises
-        ------
-        UserError
-            If the name is among `words`.
-        """
-        if self.name in words:
-            raise UserError(
-                f'name `{self.name}` is taken in {language}; take another, such as '
-                f'`{self.name}_motor`'
             )

@@ -84,7 +84,7 @@ def _refuse(model: Model, asked: Sequence[str]) -> None:
 
 def _separation(stage: Stage, found: Found | None, quick: bool) -> Experiment:
     rivals = words.names(stage.models)
-    purpose = f'to tell {words.listed(rivals)}'
+    purpose = f'to tell {words.told_apart(rivals)}'
     if found is None:
         return _impossible(purpose, stage.limits)
     expected = tuple(

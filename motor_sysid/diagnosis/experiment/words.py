@@ -9,6 +9,7 @@ from motor_sysid.diagnosis.experiment.discriminate import Found, Pair, SURE
 from motor_sysid.diagnosis.experiment.information import Knowledge
 from motor_sysid.diagnosis.experiment.limits import Limits
 from motor_sysid.diagnosis.experiment.stage import Stage
+from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -40,7 +41,7 @@ def separated(found: Found, rivals: Sequence[str]) -> str:
     """Say what an experiment decides and after how long."""
     least = min(found.pairs.values())
     return (
-        f'separates {listed(rivals)}: expected dBIC {least:.0f} after '
+        f'separates {told_apart(rivals)}: expected dBIC {least:.0f} after '
         f'{found.tried.profile.duration:.3g} s'
     )
 
@@ -54,12 +55,10 @@ def not_separated(found: Found, rivals: Sequence[str]) -> str:
     )
 
 
-def listed(rivals: Sequence[str]) -> str:
+def told_apart(rivals: Sequence[str]) -> str:
     """Return ``A from B``, or ``A, B and C``."""
     titles = [title(name) for name in rivals]
-    if len(titles) == 2:
-        return ' from '.join(titles)
-    return f'{", ".join(titles[:-1])} and {titles[-1]}'
+    return ' from '.join(titles) if len(titles) == 2 else listed(titles)
 
 
 def doubts(found: Found, rivals: Sequence[str]) -> tuple[str, ...]:

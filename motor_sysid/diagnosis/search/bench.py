@@ -44,7 +44,7 @@ Current changes within a millisecond, so a narrower sign would be stiffer than a
 
 
 MIN_SAMPLES, MIN_PIECE = 200, 50
-"""Fewest samples of a record from which a diagnosis may be asked for."""
+"""Fewest samples, of all records that are fitted together and of each, for a diagnosis."""
 
 ROUGH_ROWS, FEW_ROWS = 10_000, 4000
 """Rows that a rough fit looks at, and rows that tell from where it begins best."""
