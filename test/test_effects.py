@@ -43,6 +43,7 @@ DESIGNED = {
     'current_sensor_lag', 'current_sensor_scale', 'current_sensor_offset',
     'speed_sensor_scale', 'speed_sensor_offset', 'speed_sensor_lag', 'emf_harmonics',
     'rotor_angle_lag',
+    'voltage_angle_lag',
 }  # fmt: skip
 
 

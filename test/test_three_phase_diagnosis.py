@@ -72,6 +72,14 @@ def test_an_angle_that_the_drive_knows_late_is_named():
     assert found.model['rotor_angle_lag.lag'] == pytest.approx(case.hidden.angle_lag, rel=0.01)
 
 
+def test_a_voltage_that_acts_late_is_told_from_an_angle_that_is():
+    case = draw('pmsm/voltage_angle_lag/10/0', 12)
+    found = diagnose(case.train, case.valid, motor=case.motor, nominal=case.nominal)
+    assert found.effects == ('voltage_angle_lag',)
+    lag = found.model['voltage_angle_lag.lag']
+    assert lag == pytest.approx(case.hidden.voltage_lag, rel=0.01)
+
+
 def test_a_salient_motor_beside_the_recorded_axis_is_complete_and_told_so():
     """Seen from axes 8 electrical degrees ahead of those of the magnet."""
     case, angle = draw('pmsm/complete/1', 12), np.radians(8.0)

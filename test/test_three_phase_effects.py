@@ -87,7 +87,8 @@ def test_what_makes_sense_is_offered_and_nothing_else(kind):
     offered = {key for other, key in CASES if other == kind}
     assert offered >= MECHANICAL | ELECTRICAL
     assert not offered & {'brush_voltage_drop', 'supply_sag', 'driver_clipping', 'drive_coast'}
-    assert ('rotor_angle_lag' in offered) == (kind == 'pmsm'), 'phases know no axes'
+    for key in ('rotor_angle_lag', 'voltage_angle_lag'):
+        assert (key in offered) == (kind == 'pmsm'), 'phases know no axes'
 
 
 @pytest.mark.parametrize(('kind', 'key'), CASES)
@@ -174,7 +175,8 @@ def test_a_late_angle_turns_the_axes_by_what_the_rotor_covers():
     """At one speed it is nothing but a `frame_error` that is larger by that angle."""
     motor_values = {'R': 0.5, 'L_d': 1e-3, 'L_q': 2e-3, 'psi_f': 0.01, 'pole_pairs': 4.0}
     state = {'u_d': -1.0, 'u_q': 9.0, 'i_d': 0.7, 'i_q': -1.9, 'omega': 200.0}
-    given = {**motor_values, **state, 'frame_error': 0.03, 'lag': 150e-6}
+    given = {**motor_values, **state, 'frame_error': 0.03, 'lag': 150e-6,
+             'hold_squared': 1e-8}  # fmt: skip
     found = law_values('pmsm', 'rotor_angle_lag', **given)
     own = motor('pmsm').own.laws
 
@@ -186,6 +188,16 @@ def test_a_late_angle_turns_the_axes_by_what_the_rotor_covers():
     assert set(found) == {'torque', 'voltage_d', 'voltage_q'}
     for name, value in found.items():
         assert value == pytest.approx(at(0.03 + 4 * 200 * 150e-6, name) - at(0.03, name)), name
+
+
+def test_a_late_voltage_is_the_same_voltage_on_axes_that_have_turned_on():
+    u, turn = complex(-1.0, 9.0), 4 * 200 * 150e-6
+    found = law_values(
+        'pmsm', 'voltage_angle_lag', u_d=u.real, u_q=u.imag, omega=200.0, pole_pairs=4.0,
+        lag=150e-6,
+    )  # fmt: skip
+    more = u * np.exp(-1j * turn) - u
+    assert [found['voltage_d'], found['voltage_q']] == pytest.approx([more.real, more.imag])
 
 
 @pytest.mark.parametrize('key', ['inductance_saturation', 'emf_harmonics'])

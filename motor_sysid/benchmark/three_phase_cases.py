@@ -34,7 +34,11 @@ TOLERANCE = 0.12
 KINDS = {'six_step': ('bldc_six_step', BLDC_SHEETS), 'pmsm': ('pmsm', PMSM_SHEETS)}
 """Kind of a case to the motor kind of its model, and the data sheets it is drawn from."""
 
-FOREIGN = {('six_step', 'emf_harmonics'), ('six_step', 'rotor_angle_lag')}
+FOREIGN = {
+    ('six_step', 'emf_harmonics'),
+    ('six_step', 'rotor_angle_lag'),
+    ('six_step', 'voltage_angle_lag'),
+}
 """What a kind of motor does not have: a trapezoid is all harmonics, and six steps know no axes."""
 
 

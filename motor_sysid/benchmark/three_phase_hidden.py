@@ -123,6 +123,11 @@ def _old_angle(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator
     return replace(h, angle_lag=size / fast)
 
 
+def _late_voltage(h: Hidden, size: float, s: MachineSheet, rng: np.random.Generator) -> Hidden:
+    fast = 0.4 * s.top_speed * s.machine.pole_pairs
+    return replace(h, voltage_lag=size / fast)
+
+
 HIDE: dict[str, Hide] = {
     'coulomb_friction': _coulomb,
     'stribeck_friction': _stribeck,
@@ -143,5 +148,6 @@ HIDE: dict[str, Hide] = {
     'armature_heating': _heat,
     'speed_sensor_lag': _lag,
     'rotor_angle_lag': _old_angle,
+    'voltage_angle_lag': _late_voltage,
 }
 """Key to the function that hides an effect of a size in a machine; sizes as in `hidden`."""

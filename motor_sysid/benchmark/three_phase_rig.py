@@ -49,6 +49,8 @@ class Hidden:
         Time constant of a filter of the speed, s; 0 without one.
     angle_lag:
         Age of the angle that a field-oriented drive turns voltages and currents with, s.
+    voltage_lag:
+        How much older the angle is that it turns voltages with, s.
     """
 
     machine: Machine
@@ -57,6 +59,7 @@ class Hidden:
     delay: float = 0.0
     speed_lag: float = 0.0
     angle_lag: float = 0.0
+    voltage_lag: float = 0.0
 
 
 class Sensors(NamedTuple):
@@ -100,11 +103,13 @@ class Rig:
     def advance(self, first: float, second: float = 0.0) -> None:
         """Run one sample under the commanded voltage: across the pair, or on both axes."""
         self._late.append((first, second))
-        whole, part = divmod(self.hidden.delay / DT, 1.0)
+        hidden = self.hidden
+        whole, part = divmod(hidden.delay / DT, 1.0)
         newer, older = self._late[-1 - int(whole)], self._late[-2 - int(whole)]
-        bridge = self.sheet.supply, self.hidden.dead, self.hidden.band
+        bridge = self.sheet.supply, hidden.dead, hidden.band
+        old = hidden.angle_lag + hidden.voltage_lag
         _sample(
-            self.machine, self.x, older, newer, round(part * STEPS), self.hidden.angle_lag, bridge,
+            self.machine, self.x, older, newer, round(part * STEPS), old, bridge,
             self._count * DT, self._work,
         )  # fmt: skip
         self._count += 1

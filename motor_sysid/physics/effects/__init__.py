@@ -31,6 +31,7 @@ _FILES = (
     'gravity_load',
     'cogging_torque',
     'torque_ripple',
+    'voltage_angle_lag',
     'torque_constant_saturation',
     'flexible_shaft',
     'backlash',

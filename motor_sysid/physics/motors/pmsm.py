@@ -43,6 +43,9 @@ MOST_TURNED = 0.5
 ASKEW = math.radians(3.0)
 """Electrical angle from the recorded d axis to the magnet from which on it is spoken of."""
 
+LONGEST_HOLD = 250e-6
+"""Longest time, s, for which a drive holds the voltages of its terminals: one period at 4 kHz."""
+
 _SHORT = 8
 _ROUND = 0.3
 
@@ -232,6 +235,10 @@ MOTOR = Motor(
         Parameter(
             'frame_error', 'rad', 0.0, -MOST_TURNED, MOST_TURNED,
             'electrical angle of the magnet ahead of the recorded d axis',
+        ),
+        Parameter(
+            'hold_squared', 's^2', 0.0, -(LONGEST_HOLD**2), LONGEST_HOLD**2,
+            'square of the time for which a voltage stands still in the stator',
         ),
         Parameter('pole_pairs', '1', 4.0, 1.0, 64.0, 'electrical turns in one turn', free=False),
         Parameter(

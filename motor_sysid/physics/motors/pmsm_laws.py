@@ -25,18 +25,24 @@ CARD = Card(
 
 def voltage_d(
     u_d: float, u_q: float, i_d: float, i_q: float, omega: float, R: float, L_d: float, L_q: float,
-    psi_f: float, pole_pairs: float, frame_error: float,
+    psi_f: float, pole_pairs: float, frame_error: float, hold_squared: float,
 ) -> float:  # fmt: skip
     """Voltage in V."""
-    return more_on_d(u_d, u_q, i_d, i_q, omega, R, L_d, L_q, psi_f, pole_pairs, frame_error)
+    omega_e = pole_pairs * omega
+    swept = omega_e * hold_squared * (omega_e * u_d / 24.0 + R * u_q / (12.0 * L_d))
+    turned = more_on_d(u_d, u_q, i_d, i_q, omega, R, L_d, L_q, psi_f, pole_pairs, frame_error)
+    return turned + swept
 
 
 def voltage_q(
     u_d: float, u_q: float, i_d: float, i_q: float, omega: float, R: float, L_d: float, L_q: float,
-    psi_f: float, pole_pairs: float, frame_error: float,
+    psi_f: float, pole_pairs: float, frame_error: float, hold_squared: float,
 ) -> float:  # fmt: skip
     """Voltage in V."""
-    return more_on_q(u_d, u_q, i_d, i_q, omega, R, L_d, L_q, psi_f, pole_pairs, frame_error)
+    omega_e = pole_pairs * omega
+    swept = omega_e * hold_squared * (omega_e * u_q / 24.0 - R * u_d / (12.0 * L_q))
+    turned = more_on_q(u_d, u_q, i_d, i_q, omega, R, L_d, L_q, psi_f, pole_pairs, frame_error)
+    return turned + swept
 
 
 def torque(
