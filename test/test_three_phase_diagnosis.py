@@ -6,7 +6,7 @@ package's laws are.
 
 import numpy as np
 import pytest
-from three_phase_records import bldc_record, pmsm_record
+from three_phase_records import bldc_record, pmsm_record, PMSM_SHEETS
 
 from motor_sysid.benchmark.three_phase_cases import draw
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
@@ -78,6 +78,32 @@ def test_a_voltage_that_acts_late_is_told_from_an_angle_that_is():
     assert found.effects == ('voltage_angle_lag',)
     lag = found.model['voltage_angle_lag.lag']
     assert lag == pytest.approx(case.hidden.voltage_lag, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ('drive', 'named'),
+    [
+        ({}, ()),
+        ({'computes': True, 'ahead': 1.5}, ('input_delay',)),
+        ({'computes': True, 'ahead': 0.0}, ('voltage_angle_lag', 'input_delay')),
+    ],
+)
+def test_what_a_drive_does_with_its_time_at_its_own_rate(drive, named):
+    """Measured every 100 us; applied at once or a period later, with the angle predicted or not.
+
+    The rotor turns by up to 0.14 rad in a period.
+    """
+    machine = PMSM_SHEETS[1].machine
+    records = [
+        pmsm_record(2.0, 1e-4, seed=seed, top=350.0, push_d=0.7, machine=machine, **drive)[1]
+        for seed in (1, 2)
+    ]
+    found = diagnose(records[:1], records[1:], motor='pmsm', nominal={'pole_pairs': 4.0})
+    assert found.effects == named
+    truth = {'voltage_angle_lag': ('lag', 150e-6), 'input_delay': ('delay', 100e-6)}
+    for key in named:
+        name, value = truth[key]
+        assert found.model[f'{key}.{name}'] == pytest.approx(value, rel=0.02), key
 
 
 def test_a_salient_motor_beside_the_recorded_axis_is_complete_and_told_so():

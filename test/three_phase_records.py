@@ -34,7 +34,8 @@ def speeds(seconds: float, dt: float, rng: np.random.Generator, top: float) -> n
 def pmsm_record(
     seconds: float = 5.0, dt: float = 5e-4, *, seed: int = 1, dead: float = 0.0,
     sensors: PhaseSensors = SENSORS, push_d: float = 1.0, top: float = 250.0,
-    machine: Machine = PMSM, supply: float = 24.0, most: float = 5.0, **hidden: float,
+    machine: Machine = PMSM, supply: float = 24.0, most: float = 5.0, computes: bool = False,
+    ahead: float = 0.5, **hidden: float,
 ) -> tuple[Machine, Record]:  # fmt: skip
     """Return a salient motor under field-oriented control, with pulses of d current."""
     m, rng = machine._replace(**hidden), np.random.default_rng(seed)
@@ -44,7 +45,7 @@ def pmsm_record(
     time = dt * np.arange(reference.size)
     place = np.searchsorted(np.cumsum(rng.uniform(0.02, 0.1, 399)), time)
     pulses = push_d * rng.choice([-1.0, 0.0, 1.0], 400)[place]
-    drive = ThreePhaseDrive(Bridge(supply, dead), loop, speed, 1e-4, sensors)
+    drive = ThreePhaseDrive(Bridge(supply, dead), loop, speed, 1e-4, sensors, computes, ahead)
     run = run_drive(m, drive, reference, dt, rng, pulses)
     return m, phase_record(run, m.pole_pairs)
 

@@ -68,6 +68,10 @@ class ThreePhaseDrive:
         Period of the current loop, s.
     sensors:
         What it measures.
+    computes:
+        Whether a voltage waits for the next period, while the drive computes.
+    ahead:
+        Periods by which field-oriented control turns the angle on; see `Foc`.
     """
 
     bridge: Bridge
@@ -75,6 +79,8 @@ class ThreePhaseDrive:
     speed: PidGains | None = None
     control_dt: float = 1e-4
     sensors: PhaseSensors = PhaseSensors()
+    computes: bool = False
+    ahead: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -182,9 +188,10 @@ class _Plant:
         supply, period = drive.bridge.supply, drive.control_dt
         self._inner: Foc | SixStep
         if isinstance(drive.loop, CurrentLoop):
-            self._inner = Foc(drive.loop, supply, period)
+            self._inner = Foc(drive.loop, supply, period, drive.ahead)
         else:
             self._inner = SixStep(drive.loop, supply, period)
+        self._legs_next = np.full(3, 0.5 * supply)
         self.terminal, self.command_dq = np.zeros(3), np.zeros(2)
 
     def counted(self) -> float:
@@ -201,7 +208,10 @@ class _Plant:
         seen = self.x[:3] + self._offsets + sensors.noise * self._rng.standard_normal(3)
         if sensors.bits:
             seen = sensors.current_step * np.round(seen / sensors.current_step)
-        self._advance(np.array(self._legs(seen.tolist(), speed, want, want_d)))
+        now = np.array(self._legs(seen.tolist(), speed, want, want_d))
+        if self._drive.computes:
+            now, self._legs_next = self._legs_next, now
+        self._advance(now)
         return np.asarray(seen, dtype=np.float64)
 
     def _legs(

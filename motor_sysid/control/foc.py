@@ -79,6 +79,9 @@ class Foc:
         Voltage of the bridge, V.
     dt:
         Control period, s.
+    ahead:
+        Periods by which the angle is turned on to where the rotor will be, on average, while the
+        voltage acts: half a one, and one more for a drive that computes for a period.
 
     Attributes
     ----------
@@ -91,14 +94,16 @@ class Foc:
         If the bandwidth is too high for the period.
     """
 
-    def __init__(self, loop: CurrentLoop, supply: float, dt: float) -> None:
+    def __init__(
+        self, loop: CurrentLoop, supply: float, dt: float, ahead: float = 0.5
+    ) -> None:
         if not 0 < loop.bandwidth * dt <= FASTEST:
             raise UserError(
                 f'a current loop of {loop.bandwidth:g} rad/s needs control periods of at most '
                 f'{FASTEST / loop.bandwidth:.3g} s, not {dt:g} s; lower the bandwidth or control '
                 'more often'
             )
-        self.loop, self.supply, self.dt = loop, supply, dt
+        self.loop, self.supply, self.dt, self.ahead = loop, supply, dt, ahead
         self.limit = voltage_limit(supply)
         self.reset()
 
@@ -128,7 +133,7 @@ class Foc:
         """
         i_d, i_q = park(abc[0], abc[1], abc[2], math.cos(theta_e), math.sin(theta_e))
         u_d, u_q = self._currents(want_d - i_d, want_q - i_q, i_d, i_q, omega_e)
-        middle = theta_e + 0.5 * omega_e * self.dt
+        middle = theta_e + self.ahead * omega_e * self.dt
         u_a, u_b, u_c = inverse_park(u_d, u_q, math.cos(middle), math.sin(middle))
         return legs(u_a, u_b, u_c, self.supply)
 
