@@ -423,3 +423,5 @@ def test_hidden_effects_get_a_size_or_the_given_one() -> None:
         parse_assignments(('coulomb_friction',))
     with pytest.raises(UserError, match='unknown effect'):
         with_hidden(base, ('witchcraft',), {}, scales)
+    with pytest.raises(UserError, match='`coulomb_friction` is not hidden; hide it, too'):
+        with_hidden(base, ('cogging_torque',), given_value, scales)

@@ -17,6 +17,7 @@ from motor_sysid.nodes.publishing import pack_diagnostics
 from motor_sysid.nodes.replay import DIAGNOSTICS, recorded_configuration, replay
 from motor_sysid.nodes.statuses import Status
 from motor_sysid.nodes.topics import DEFAULT_CONFIG
+from motor_sysid.physics.store import dump_model
 from motor_sysid.recording import load, load_msg_config
 from motor_sysid.recording.rosbag import Bag
 from motor_sysid.recording.writer import BagWriter
@@ -112,6 +113,16 @@ def test_the_command_takes_both(bag: Path, left: Path, capsys: pytest.CaptureFix
     assert capsys.readouterr().out.startswith('600 samples')
     given = ['--msg-config', str(left), '--estimator', 'rls', '--node', 'right/identifier']
     assert main(['replay', str(bag), *given]) == 0
+
+
+def test_a_model_of_ones_own_takes_no_estimator_where_several_were_recorded(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / 'model.yaml').write_text(dump_model(IdentifierSettings().configuration().model))
+    given = ['replay', str(bag), '--model', str(tmp_path / 'model.yaml')]
+    assert main(given) == 2
+    assert '--node /left/identifier' in capsys.readouterr().err
+    assert main([*given, '--node', 'left/identifier']) == 0
 
 
 def test_a_signal_that_the_bag_lacks_is_named_with_what_it_has(tmp_path: Path) -> None:

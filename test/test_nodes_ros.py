@@ -164,6 +164,7 @@ def test_parameters_come_from_the_dataclass(context: Context) -> None:
         ({'count': 2.5}, '`count` = 2.5 is a float; it must be a int'),
         ({'kind': 'be'}, 'did you mean `bee`'),
         ({'names': [1, 2]}, 'must be a list of texts'),
+        ({'use_sim_time': 'maybe'}, '`use_sim_time` = .maybe. is a str; it must be a bool'),
     ],
 )
 def test_bad_parameters_are_refused_by_name(

@@ -56,14 +56,14 @@ def _configuration(args: argparse.Namespace) -> 'Configuration | None':
     from dataclasses import replace
 
     from motor_sysid.nodes.configuration import Configuration
-    from motor_sysid.nodes.replay import recorded_configuration
+    from motor_sysid.nodes.replay import NotRecorded, recorded_configuration
     from motor_sysid.physics.store import load_model
     from motor_sysid.recording.rosbag import Bag
 
     model = load_model(args.model) if args.model else None
     try:
         first = recorded_configuration(Bag(args.bag), args.node)
-    except UserError:
+    except NotRecorded:
         if model is None:
             raise
         return Configuration(model, args.estimator or 'rls')

@@ -1,6 +1,6 @@
 """A PID controller: limited output, anti-windup, filtered derivative of the measurement."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 import math
 
 from motor_sysid.errors import UserError
@@ -95,8 +95,3 @@ class Pid:
         share = dt / (self.gains.derivative_filter + dt)
         self._derivative += share * ((measurement - last) / dt - self._derivative)
         return self._derivative
-
-
-def limited(gains: PidGains, limit: float) -> PidGains:
-    """Return the gains with the output limited to plus and minus `limit`."""
-    return replace(gains, lower=-limit, upper=limit)

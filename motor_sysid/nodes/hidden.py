@@ -47,8 +47,16 @@ def with_hidden(
     Raises
     ------
     UserError
-        If an effect or a parameter is unknown.
+        If an effect or a parameter is unknown, or one is given of an effect that is not hidden.
     """
+    for name in given:
+        owner, _, _ = name.rpartition('.')
+        if owner and owner not in keys:
+            raise UserError(
+                f'`{name}` is given, but `{owner}` is not hidden; hide it, too '
+                '(`hidden_effects`), or take its parameters out of `hidden_parameters`: both may '
+                'be changed in one call'
+            )
     for key in keys:
         model = model.with_effect(key, _sizes(effect(key).card, scales))
     return model.with_values(given)

@@ -177,6 +177,8 @@ class Settings(Generic[T]):
         for name in self._node.get_parameters_by_prefix(''):
             if name in self._fields:
                 given[name] = self._node.get_parameter(name).value
+            elif name == 'use_sim_time':
+                _converted(name, self._node.get_parameter(name).value, False)
             elif not name.startswith(OURS_NOT):
                 hint = _hint(name, list(self._fields))
                 known = ', '.join(self._fields)

@@ -26,6 +26,10 @@ Texts = Mapping[str, Mapping[str, str]]
 """Status name to its key-value texts."""
 
 
+class NotRecorded(UserError):
+    """The bag holds no configuration of an identifier."""
+
+
 @dataclass(frozen=True)
 class Published:
     """One message of ~/estimate as recorded: stamp in ns, and the texts of every status."""
@@ -160,12 +164,14 @@ def recorded_configurations(bag: Bag, node: str = 'identifier') -> list[Configur
 
     Raises
     ------
-    UserError
+    NotRecorded
         If the bag has none.
+    UserError
+        If more than one identifier has such a name.
     """
     messages = _published(bag, node, 'model')
     if not messages:
-        raise UserError(
+        raise NotRecorded(
             f'{bag.path} holds no configuration of an identifier (topic `{node}/model`); '
             'give `--model` and `--estimator`'
         )
