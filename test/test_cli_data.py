@@ -1,5 +1,6 @@
 """What verbs read: looked over as `check` does; twins, data sheets and slips told in words."""
 
+import json
 from pathlib import Path
 import re
 from types import SimpleNamespace
@@ -231,6 +232,17 @@ def test_an_effect_that_cannot_be_fitted_is_refused_and_nothing_is_written(
     error = refused(capsys, 'add', model, 'quadratic_drag', data, '-o', out)
     assert 'quadratic drag cannot be fitted to these data: unphysical sign; nothing' in error
     assert not out.exists()
+
+
+def test_a_fit_says_what_the_data_do_not_tell_from_nothing(
+    data: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / 'fit.json'
+    assert main(['fit', str(data), '--effect', 'friction_drift', '--json', str(out)]) == 0
+    said = capsys.readouterr().out
+    note = 'friction_drift is not told from nothing by these data (friction_drift.d_c = '
+    assert f'note: {note}' in said
+    assert any(text.startswith(note) for text in json.loads(out.read_text())['warnings'])
 
 
 def test_a_misspelt_motor_is_guessed(data: Path, capsys: pytest.CaptureFixture[str]) -> None:

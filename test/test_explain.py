@@ -176,6 +176,11 @@ def test_an_inertia_that_an_effect_shares_was_not_wrong():
     assert wrong_parameters(step(first, 5.0), step(last, 1.0)) == ()
 
 
+def test_a_first_model_that_explains_nothing_tells_of_no_parameter():
+    lost, found = step(fitted({'R': 32.0}), 97.0), step(with_friction({}), 1.0)
+    assert wrong_parameters(lost, found) == ()
+
+
 def test_values_far_from_nominal_are_told():
     assert off_nominal(fitted({}), {'R': 2.0, 'k_t': 0.05}) == []
     (line,) = off_nominal(fitted({}), {'R': 1.0, 'k_t': 0.05})

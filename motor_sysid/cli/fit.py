@@ -71,9 +71,10 @@ def run(args: argparse.Namespace) -> int:
         f'error: {rung.training.error_percent:.3g} % on what was fitted, '
         f'{rung.validation.error_percent:.3g} % held out'
     )
-    for line in (*rung.result.unidentifiable, *rung.result.warnings):
+    idle = _not_told(rung.model)
+    for line in (*rung.result.unidentifiable, *rung.result.warnings, *idle):
         print(f'note: {line}')
-    document = {**_document(rung), **_prior_document(found)}
+    document = {**_document(rung, idle), **_prior_document(found)}
     write_each(lambda: write_model(rung.model, args.out), lambda: write_json(document, args.json))
     return 0
 
@@ -161,6 +162,25 @@ def rung_lines(model: 'Model', reason: str) -> list[str]:
     return lines
 
 
+def _not_told(model: 'Model') -> list[str]:
+    """Say which effects these data do not tell from nothing."""
+    from motor_sysid.diagnosis.search.gates import is_told
+    from motor_sysid.physics.effects import effect
+
+    said = []
+    for key in model.effects:
+        if not is_told(model, key):
+            own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
+            sizes = ', '.join(
+                f'{p.name} = {p.value:.3g} ± {p.sigma or 0:.2g} {p.unit}' for p in own
+            )
+            said.append(
+                f'{key} is not told from nothing by these data ({sizes}): fit without it, or '
+                'record what shows it (`motor-sysid suggest`)'
+            )
+    return said
+
+
 def _prior_document(found: 'Transfer | None') -> dict[str, object]:
     if found is None:
         return {}
@@ -181,7 +201,7 @@ def _prior_document(found: 'Transfer | None') -> dict[str, object]:
     }  # fmt: skip
 
 
-def _document(rung: 'Rung') -> dict[str, object]:
+def _document(rung: 'Rung', idle: Sequence[str]) -> dict[str, object]:
     from motor_sysid.diagnosis.result.document import model_parameters
 
     told = rung.result.information
@@ -202,5 +222,5 @@ def _document(rung: 'Rung') -> dict[str, object]:
             'cramer_rao': dict(zip(told.names, map(float, told.bound), strict=True)),
         },
         'unidentifiable': list(rung.result.unidentifiable),
-        'warnings': list(rung.result.warnings),
+        'warnings': [*rung.result.warnings, *idle],
     }

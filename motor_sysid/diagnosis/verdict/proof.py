@@ -9,6 +9,7 @@ import numpy as np
 from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import Evidence, WrongParameter
 from motor_sysid.diagnosis.result.result import Candidate, Step
+from motor_sysid.diagnosis.search.gates import WILD_PERCENT
 from motor_sysid.diagnosis.search.refit import parameters_of
 from motor_sysid.physics.effect import Amplitude
 from motor_sysid.physics.effects import effect
@@ -58,8 +59,11 @@ def wrong_parameters(first: Step, last: Step) -> tuple[WrongParameter, ...]:
     """Return the base parameters that moved beyond doubt, the most wrong first.
 
     A parameter that an added effect shares (an inertia of which a part now hangs on a spring) was
-    not wrong.
+    not wrong.  A first model that explains next to nothing of the data that it was fitted to says
+    nothing of any parameter.
     """
+    if first.train_error_percent > WILD_PERCENT:
+        return ()
     shared = {name for key in last.model.effects for name in effect(key).card.shrinks}
     moved = [
         wrong

@@ -76,10 +76,12 @@ def unknown(
     ]  # fmt: skip
     if torn and len(ladder) == 1 and not left.structured:
         return _contested(last, max(torn, key=lambda c: c.delta_bic))
+    error = f'{ladder[0].validation_error_percent:.3g} %'
+    if len(ladder) > 1:
+        error += f', at best {last.validation_error_percent:.3g} % with what it holds'
     lines = [
-        f'Something is missing that the catalogue does not hold: the held-out error is '
-        f'{ladder[-1].validation_error_percent:.3g} %, {_times(left.over_floor)} the sensor '
-        f'noise in one channel, and {_structure(left)}.'
+        f'Something is missing that the catalogue does not hold: the held-out error is {error}, '
+        f'{_times(left.over_floor)} the sensor noise in one channel, and {_structure(left)}.'
     ]
     spell = [str(left.spell)] if left.spell else []
     return [*lines, *spell, *shapes(found), *_partial(ladder)]
