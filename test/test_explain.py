@@ -272,6 +272,16 @@ def test_an_effect_of_the_user_says_itself_what_hides_it(tmp_path):
         add_effect_file(file)
 
 
+def test_records_that_begin_with_their_step_hide_a_delay():
+    steps = [driven(np.full(2000, u)) for u in (3.0, 6.0, -6.0)]
+    (spot,) = (s for s in blind_spots(fitted({}), steps, ()) if s.code == 'begins_driven')
+    assert spot.effects == ('input_delay',)
+    assert spot.words.endswith('nor a change of it, so input delay cannot be seen.')
+    later = driven(np.where(np.arange(2000) < 20, 0.0, 6.0))
+    found = blind_spots(fitted({}), [*steps, later], ())
+    assert 'begins_driven' not in {s.code for s in found}
+
+
 def test_without_current_resistance_and_inductance_are_not_seen():
     rng = np.random.default_rng(1)
     record = driven(voltage_profile('steps', 6.0, rng)).select(['voltage', 'speed'])

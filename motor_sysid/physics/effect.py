@@ -64,7 +64,7 @@ JUMPS = ('jump_i', 'jump_omega')
 
 SHORTFALLS = (
     'constant_input', 'no_motion', 'one_direction', 'few_speeds', 'mostly_at_rest', 'short_travel',
-    'never_slow', 'no_current', 'slow_sampling',
+    'never_slow', 'no_current', 'slow_sampling', 'begins_driven',
 )  # fmt: skip
 """Every shortfall of an excitation that may hide an effect."""
 

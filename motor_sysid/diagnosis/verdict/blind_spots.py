@@ -5,10 +5,12 @@ from dataclasses import dataclass
 import re
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.findings import BlindSpot
 from motor_sysid.diagnosis.result.names import listed
+from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.checks import excitation
@@ -24,6 +26,9 @@ SELDOM = 0.005
 ELECTRICAL = 1.0
 """Samples in an electrical time constant below which the inductance cannot be seen."""
 
+HELD = 0.05
+"""Spread of an input over its size up to which it is one value, with some noise."""
+
 _FASTER = 10.0
 """How much faster to sample where it cannot: by how much is not known either."""
 
@@ -38,6 +43,7 @@ _PARAMETERS: Mapping[str, tuple[str, ...]] = {
     'never_slow': (),
     'no_current': ('R', 'L', 'k_t'),
     'slow_sampling': ('L',),
+    'begins_driven': (),
 }
 """Shortfall to the base parameters that may be lost with it; what effects it hides, their cards
 tell."""
@@ -138,6 +144,13 @@ def _from_model(
             'No current is measured: friction and inertia are seen in volts',
             'record the motor current, too',
         )
+    driven = [record[n] for record in records for n in input_signals(record, model.kind)]
+    if all(_is_held(values[1:]) for values in driven):
+        yield _Found(
+            'begins_driven',
+            'No record shows the input before it was switched on, nor a change of it',
+            'begin the record some samples before the step',
+        )
     names = {p.name for p in model.parameters}
     if {'R', 'L'} <= names:
         dt = float(np.median([r.dt for r in records]))
@@ -148,6 +161,10 @@ def _from_model(
                 f'A sample every {with_unit(dt, "s")} is longer than the electrical time constant',
                 f'sample faster, at {with_unit(_FASTER / dt, "Hz")} or more',
             )
+
+
+def _is_held(values: NDArray[np.float64]) -> bool:
+    return bool(np.std(values) <= HELD * np.sqrt(np.mean(values**2)))
 
 
 def _consequence(parameters: Sequence[str], effects: Sequence[str], *, alike: bool) -> str:

@@ -76,9 +76,8 @@ def unknown(
     ]  # fmt: skip
     if torn and len(ladder) == 1 and not left.structured:
         return _contested(last, max(torn, key=lambda c: c.delta_bic))
-    error = f'{ladder[0].validation_error_percent:.3g} %'
-    if len(ladder) > 1:
-        error += f', at best {last.validation_error_percent:.3g} % with what it holds'
+    first, best = ladder[0].validation_error_percent, last.validation_error_percent
+    error = f'{first:.3g} %' + (f', at best {best:.3g} % with what it holds' * (best < first))
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is {error}, '
         f'{_times(left.over_floor)} the sensor noise in one channel, and {_structure(left)}.'

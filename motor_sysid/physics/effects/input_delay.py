@@ -17,4 +17,5 @@ CARD = Card(
     ),
     axis='time',
     delay='delay',
+    hidden_by=('begins_driven',),
 )  # fmt: skip
