@@ -1,6 +1,10 @@
 """What the catalogue does not know: the axis on which it lives, and its shape."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
+from pathlib import Path
+import re
 
 from bench_motor import CURRENT_NOISE, records
 import numpy as np
@@ -8,13 +12,14 @@ import pytest
 
 from motor_sysid.benchmark.cases import draw
 from motor_sysid.benchmark.scenarios import named_case
-from motor_sysid.diagnosis import diagnose
+from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import Unknown
 from motor_sysid.diagnosis.where.shapes import shapes_of, standing_orders
 from motor_sysid.diagnosis.where.unknown import unknown_of
 from motor_sysid.diagnosis.where.where import failure_of
+from motor_sysid.physics.effects import add_effect_file, catalogue
 
 SIGMAS = {'current': CURRENT_NOISE, 'speed': 2 * np.pi / 4096 / 1e-3 / np.sqrt(6)}
 TAU = 6e-3
@@ -32,6 +37,34 @@ HIDDEN = {
     'load_torque_step': {'tau_l': TAU, 't_on': 3.0, 'rise': 1e-3},
     'inertia_change': {'g': 0.5, 't_on': 3.0, 'rise': 1e-3},
 }
+
+DOCS = Path(__file__).resolve().parent.parent / 'docs' / 'effects.md'
+
+SPRING = """
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
+CARD = Card(title="spring", equation="-", symptom="-", reference="-", enters=Enters.MECHANICAL,
+    rotary=True, amplitudes=(Amplitude("c", "N m/rad", "stiffness", Scale.TORQUE),))
+def torque(theta, c):
+    return -c * theta
+"""
+
+
+def geared(ratio: float) -> str:
+    """Return the effect file that docs/effects.md shows, for a gear."""
+    (block,) = re.findall(r'```python\n(""".*?)```', DOCS.read_text(), flags=re.DOTALL)
+    assert '(50.0,)' in block
+    return block.replace('(50.0,)', f'({ratio!r},)')
+
+
+@contextmanager
+def known(folder: Path, text: str) -> Iterator[str]:
+    """Have an effect of a file in the catalogue for a while."""
+    (folder / 'far_load.py').write_text(text)
+    add_effect_file(folder / 'far_load.py')
+    try:
+        yield 'far_load'
+    finally:
+        catalogue().pop('far_load', None)
 
 
 @cache
@@ -210,3 +243,38 @@ def test_waves_that_only_fine_steps_follow_are_named_without_a_measured_angle():
     case = draw(scenario, 4100, number)
     found = diagnose(case.train, case.valid, motor='brushed_dc')
     assert found.effects == ('cogging_torque',)
+
+
+@pytest.mark.parametrize(
+    ('file', 'values', 'shape', 'amplitude'),
+    [
+        (geared(5.3), {'tau_sin': TAU, 'n': 5.3}, 'once every 5.3 turns', TAU),
+        (geared(23.0), {'tau_cos': TAU, 'n': 23.0}, 'once every 23 turns', TAU),
+        (SPRING, {'c': 2e-5}, 'grows in proportion, as the torque of a spring', 1.6e-3),
+    ],
+    ids=['5.3', '23', 'spring'],
+)
+def test_what_goes_on_across_turns_is_described(tmp_path, file, values, shape, amplitude):
+    """A load behind a gear of which the motor's own position is recorded; and a spring."""
+    with known(tmp_path, file) as key:
+        *train, held = records({key: values})
+    rung = fit_model(train, [held])
+    runs = (*rung.training.predictions, *rung.validation.predictions)
+    failure = failure_of(rung.model, (*train, held), ('train', 'train', 'validate'), runs)
+    first = unknown_of(rung.model, (*train, held), failure, SIGMAS)[0]
+    assert first.axis == 'position across turns'
+    assert first.shape.startswith(shape)
+    assert first.amplitude == pytest.approx(amplitude, rel=0.1)
+
+
+def test_a_weight_behind_a_gear_is_named_with_the_file_that_the_docs_show(tmp_path):
+    hidden = {'tau_sin': TAU, 'tau_cos': 1e-3, 'n': 5.3}
+    with known(tmp_path, geared(5.3)) as key:
+        *train, held = records({key: hidden})
+        found = diagnose(train, [held], motor='brushed_dc')
+        assert found.effects == (key,)
+        for name, value in hidden.items():
+            assert found.model[f'{key}.{name}'] == pytest.approx(value, rel=0.01), name
+    without = diagnose(train, [held], motor='brushed_dc')
+    assert without.verdict is Verdict.UNKNOWN_EFFECT
+    assert any('once every 5.3 turns' in one.words for one in without.unknown)

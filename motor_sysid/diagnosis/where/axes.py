@@ -20,6 +20,11 @@ MAP_COLUMNS, MAP_ROWS = 14, 10
 
 OWN_TIME = 'time in the recording'
 
+FAR = 'position across turns'
+
+FAR_TRAVEL = 1.5
+"""Turns of travel from which on what repeats over more than a turn is looked for."""
+
 HEAT = 'q'
 """Own state of effects of temperature: the loss energy that the winding holds."""
 
@@ -129,6 +134,17 @@ def own_time(records: Sequence[Record]) -> dict[str, Axis]:
         return {}
     end = max(float(clock[-1]) for clock in clocks)
     return {OWN_TIME: Axis(OWN_TIME, 's', clocks, _spaced(0.0, end, BINS))}
+
+
+def many_turns(model: Model, states: Sequence[Mapping[str, Array]]) -> dict[str, Axis]:
+    """Return the position over the whole travel as an axis, where a rotor turns on."""
+    if model.linear or not all('theta' in s for s in states):
+        return {}
+    angles = tuple(s['theta'] for s in states)
+    low, high = min(a.min() for a in angles), max(a.max() for a in angles)
+    if high - low < FAR_TRAVEL * 2 * np.pi:
+        return {}
+    return {FAR: Axis(FAR, 'rad', angles, _spaced(low, high, TURN_BINS))}
 
 
 def _heat(

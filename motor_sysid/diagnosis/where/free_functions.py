@@ -1,13 +1,13 @@
 """Free functions of one axis (or two), as columns of a regression on what an equation lacks."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.where.axes import Axis, OWN_TIME
+from motor_sysid.diagnosis.where.axes import Axis, FAR, OWN_TIME
 from motor_sysid.diagnosis.where.orthogonal_rows import Rows
-from motor_sysid.diagnosis.where.shapes import standing_orders
+from motor_sysid.diagnosis.where.shapes import slow_orders, standing_orders
 from motor_sysid.diagnosis.where.where import Failure
 from motor_sysid.physics.model import Model
 
@@ -30,7 +30,7 @@ def free_functions(
     model: Model, failure: Failure, axes: Mapping[str, Axis], rows: Rows
 ) -> dict[str, Array]:
     """Return axis to the columns of a free function of it, simplest first."""
-    order = ('speed', 'current', 'input', 'position', 'temperature', OWN_TIME, 'time')
+    order = ('speed', 'current', 'input', 'position', FAR, 'temperature', OWN_TIME, 'time')
     found = {CONSTANT: rows.take([np.ones((size, 1)) for size in rows.sizes])}
     for axis in (axes[name] for name in order if name in axes):
         found[axis.name] = rows.take([free_function(axis, v, rows) for v in axis.values])
@@ -82,11 +82,17 @@ def free_function(axis: Axis, x: Array, rows: Rows) -> Array:
         back = (x < 0)[:, np.newaxis]
         return np.concatenate([np.where(back, 0.0, ahead), np.where(back, ahead, 0.0)], axis=1)
     if axis.name == 'position' and axis.unit == 'rad':
-        turn = np.concatenate([v[:: rows.every] for v in axis.values])
-        waves = sorted({1, 2, 3, 4, *standing_orders(turn, rows.target)})
-        parts = [f(n * x) for n in waves for f in (np.sin, np.cos)]
-        return np.stack([np.ones_like(x), *parts], axis=1)
-    return hats(x, np.linspace(low, high, 2 * KNOTS))
+        waves = sorted({1, 2, 3, 4, *standing_orders(rows.thin(axis.values), rows.target)})
+        return np.stack([np.ones_like(x), *_waves(x, waves)], axis=1)
+    smooth = hats(x, np.linspace(low, high, 2 * KNOTS))
+    if axis.name == FAR:
+        slow = slow_orders(rows.thin(axis.values), rows.target)
+        return np.column_stack([smooth, *_waves(x, [m * n for n in slow for m in (1, 2)])])
+    return smooth
+
+
+def _waves(x: Array, orders: Sequence[float]) -> list[Array]:
+    return [f(n * x) for n in orders for f in (np.sin, np.cos)]
 
 
 def hats(x: Array, knots: Array) -> Array:

@@ -66,6 +66,10 @@ class Rows:
         """Return the rows of (N, k) columns over the records, smoothed as the force is."""
         return np.concatenate([convolve1d(part, _SMOOTH, axis=0)[:: self.every] for part in parts])
 
+    def thin(self, parts: Parts) -> Array:
+        """Return the (K,) values at the rows of (N,) ones over the records."""
+        return np.concatenate([part[:: self.every] for part in parts])
+
     def split(self, joined: Array) -> list[Array]:
         """Return (N,) values over the records, one array for each."""
         return np.split(joined, np.cumsum(self.sizes)[:-1])

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.where.axes import FAR
+
 Array = NDArray[np.float64]
 
 WIDTHS = np.geomspace(0.004, 0.5, 12)
@@ -20,6 +22,9 @@ MOMENTS = 120
 
 TOP_ORDER = 120
 """Most waves per turn that are tried."""
+
+SLOWEST_FAST, MOST_SLOW = 0.97, 2000
+"""Most waves per turn of what repeats over many turns; and how many are tried."""
 
 STANDS_OUT = 8.0
 """Height of a line of the spectrum over its neighbours."""
@@ -54,6 +59,8 @@ def shapes_of(axis: str, unit: str, values: Array, target: Array) -> Iterator[Sh
         yield from _around_zero(axis, unit, reach)
     elif axis == 'position' and unit == 'rad':
         yield from _waves(values, target)
+    elif axis == FAR:
+        yield from _over_turns(values, target)
     elif axis.startswith('time'):
         yield from _in_time(values, target)
     else:
@@ -124,6 +131,36 @@ def standing_orders(angle: Array, target: Array, count: int = 3) -> list[int]:
     ratio = height / np.maximum(near, 1e-300)
     found = [k for k in np.argsort(-height).tolist() if ratio[k] > STANDS_OUT]
     return [int(orders[k]) for k in found[:count]]
+
+
+def slow_orders(angle: Array, target: Array) -> list[float]:
+    """Return the waves per turn, less than one, that stand out of a force over (K,) rad.
+
+    The strongest, or none.  What turns behind a gear goes round once in many turns of the motor.
+    """
+    turns = float(np.ptp(angle)) / (2 * np.pi)
+    orders = np.linspace(0.5 / turns, SLOWEST_FAST, min(round(4 * turns), MOST_SLOW))
+    height = np.array([np.abs(np.mean(np.exp(-1j * n * angle) * target)) ** 2 for n in orders])
+    best = int(np.argmax(height))
+    if height[best] <= STANDS_OUT * np.median(height):
+        return []
+    step = orders[1] - orders[0]
+    near = np.linspace(max(orders[best] - step, 0.5 * orders[0]), orders[best] + step, 41)
+    return [min(near.tolist(), key=lambda n: _left(_wave(n)(angle), target))]
+
+
+def _left(columns: Array, target: Array) -> float:
+    coefficients = np.linalg.lstsq(columns, target, rcond=None)[0]
+    return float(np.sum((target - columns @ coefficients) ** 2))
+
+
+def _over_turns(angle: Array, target: Array) -> Iterator[Shape]:
+    middle, reach = 0.5 * float(angle.max() + angle.min()), 0.5 * float(np.ptp(angle)) or 1.0
+    yield Shape('grows in proportion, as the torque of a spring does',
+                lambda x: ((x - middle) / reach)[:, np.newaxis])  # fmt: skip
+    for n in slow_orders(angle, target):
+        words = f'once every {_figure(1 / n)} turns, as a load behind a gear does'
+        yield Shape(words, _wave(n), False, MOST_SLOW)
 
 
 def _wave(n: float) -> Callable[[Array], Array]:

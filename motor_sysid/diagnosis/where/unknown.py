@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.curves import Curve
 from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.findings import AxisShare, Unknown
-from motor_sysid.diagnosis.where.axes import Axis, own_time
+from motor_sysid.diagnosis.where.axes import Axis, many_turns, own_time
 from motor_sysid.diagnosis.where.equation_errors import lacking_name
 from motor_sysid.diagnosis.where.free_functions import (
     CONSTANT,
@@ -91,7 +91,8 @@ def _unknown(
     quantity = lacking_name(model, rows.force)
     unit = next(f.unit for f in model.kind.forces if f.name == rows.force)
     unit = linear_unit(unit) if model.linear else unit
-    axes = {**failure.axes, **own_time(records)}
+    turned = many_turns(model, [one.states for one in failure.lacks])
+    axes = {**failure.axes, **turned, **own_time(records)}
     shares = tuple(
         AxisShare(rows.force, quantity, unit, name, *_share(rows, columns))
         for name, columns in free_functions(model, failure, axes, rows).items()
@@ -121,7 +122,7 @@ def _unknown(
 
 def _with_shape(plain: Unknown, curve: Curve, axis: Axis, rows: Rows) -> Unknown:
     free = rows.fitted(rows.take([free_function(axis, v, rows) for v in axis.values]))[1]
-    thin = np.concatenate([v[:: rows.every] for v in axis.values])
+    thin = rows.thin(axis.values)
     best = _best_shape(rows, shapes_of(plain.axis, axis.unit, thin, rows.target), axis)
     if best is None or best.explained < SIMPLE * (rows.power - free):
         return replace(plain, curve=curve, words=_somewhere(plain))
