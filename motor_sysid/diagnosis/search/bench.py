@@ -213,9 +213,8 @@ def base_fit(
     resting = bool(kind.currents) and stands_still(records)
     widths = _widths(kind, records)
     begun = _inside(kind, kind.start(records, nominal))
-    starts = [begun]
-    if nominal:
-        starts.append(_inside(kind, {**begun, **nominal}))
+    known = _inside(kind, {**begun, **nominal})
+    starts = [begun] if known == begun else [begun, known]
 
     def fitted(start: tuple[SpeedSensor, Mapping[str, float]]) -> FitResult:
         sensor, values = start
