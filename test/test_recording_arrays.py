@@ -140,7 +140,7 @@ def test_a_file_without_columns_says_what_it_holds(tmp_path):
     ('time', 'says'),
     [
         ({'step': 0}, 'above 0'),
-        ({'step': 0.1, 'column': 't'}, 'or `step: SECONDS`'),
+        ({'step': 0, 'column': 't'}, 'of a count of the column'),
         ({'unit': 's'}, 'or `step: SECONDS`'),
         ({'step': 1, 'unit': 'iso8601'}, 'above 0'),
         ({'step': 1, 'unit': 'V'}, 'must be a time'),
@@ -149,6 +149,14 @@ def test_a_file_without_columns_says_what_it_holds(tmp_path):
 def test_a_step_is_a_time(time, says):
     with pytest.raises(UserError, match=says):
         parse_msg_config(STRUCTURE | {'time': time})
+
+
+def test_a_column_of_ticks_takes_what_one_lasts(tmp_path):
+    (tmp_path / 'run.csv').write_text('tick,u\n' + ''.join(f'{25 * k},{k}\n' for k in range(9)))
+    time = {'column': 'tick', 'step': 10, 'unit': 'us'}
+    config = parse_msg_config({'time': time, 'signals': {'voltage': {'column': 'u'}}})
+    (record,) = load(tmp_path / 'run.csv', config).records
+    np.testing.assert_allclose(record.time, 250e-6 * np.arange(9))
 
 
 def test_a_csv_without_time_takes_a_step(tmp_path, capsys):

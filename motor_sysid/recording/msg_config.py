@@ -206,16 +206,17 @@ class _Reader:
         table = self.table(value, 'time', TIME_KEYS)
         column = self.text(table, 'column', where='time')
         unit = self.text(table, 'unit', 's', 'time')
-        if bool(column) == ('step' in table):
+        if not column and 'step' not in table:
             raise self.fail('time', 'needs `column: HEADER`, or `step: SECONDS` without one')
         if unit != ISO and parse_unit(unit).si != 's':
             raise self.fail('time.unit', f'must be a time (s, ms, us, ns, {ISO}), not `{unit}`')
-        if column:
+        if 'step' not in table:
             return TimeColumn(column, unit)
         step = self.number(table, 'step', 0.0, 'time')
         if unit == ISO or not step > 0.0:
-            raise self.fail('time.step', f'must be a time above 0 between rows, not `{step}`')
-        return TimeColumn('', unit, step)
+            what = 'of a count of the column' if column else 'between rows'
+            raise self.fail('time.step', f'must be a time above 0 {what}, not `{step:g}`')
+        return TimeColumn(column, unit, step)
 
     def sources(self, entry: object, name: str, stamp: str) -> tuple[Source, ...]:
         """Return the source or the list of alternative sources of a signal."""

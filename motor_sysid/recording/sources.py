@@ -211,12 +211,13 @@ ISO = 'iso8601'
 class TimeColumn:
     """The column of a table that carries the time; its unit may be `ISO`.
 
-    Where there is no column, rows follow each other every `step` s.
+    One count of it lasts `step` of its unit; where there is no column, rows follow each other at
+    that pace.
     """
 
     column: str
     unit: str = 's'
-    step: float = 0.0
+    step: float = 1.0
 
 
 @dataclass(frozen=True)

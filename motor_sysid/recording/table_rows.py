@@ -68,7 +68,7 @@ def _time(table: Columns, time: TimeColumn, numbers: dict[str, Array]) -> Array:
         return table.dates(time.column)
     unit = parse_unit(time.unit)
     if time.column:
-        return unit.to_si(numbers[time.column])
+        return unit.to_si(time.step * numbers[time.column])
     rows = next(iter(numbers.values())).size
     return unit.to_si(time.step * np.arange(rows, dtype=np.float64))
 
