@@ -24,6 +24,9 @@ from motor_sysid.diagnosis.where.remainder import (
 )
 from motor_sysid.physics.effects import effect
 
+_CLEAR = 0.5
+"""Share of a lacking force on one axis from which on that axis tells that it is no noise."""
+
 _EXPERIMENTS = {
     'reversals': 'several constant speeds from very slow to fast, in both directions, 1 s each',
     'slow turn': 'at least five slow turns at constant speed, in both directions',
@@ -80,7 +83,8 @@ def unknown(
     error = f'{first:.3g} %' + (f', at best {best:.3g} % with what it holds' * (best < first))
     lines = [
         f'Something is missing that the catalogue does not hold: the held-out error is {error}, '
-        f'{_times(left.over_floor)} the sensor noise in one channel, and {_structure(left)}.'
+        f'{_times(left.over_floor)} the sensor noise in one channel, and '
+        f'{_structure(left, found)}.'
     ]
     spell = [str(left.spell)] if left.spell else []
     return [*lines, *spell, *shapes(found), *_partial(ladder)]
@@ -100,8 +104,9 @@ def _contested(step: Step, found: Candidate) -> list[str]:
     ]
 
 
-def _structure(left: Remainder) -> str:
+def _structure(left: Remainder, found: Sequence[Unknown]) -> str:
     """Say what tells that what is left is no noise."""
+    clear = next((one for one in found if one.axis and one.share > _CLEAR), None)
     if left.swing and left.swings:
         share, pace = 100 * left.swing.share, f'{left.swing.frequency:.3g} Hz'
         there = f'{left.training_percent:.3g} % error'
@@ -112,6 +117,8 @@ def _structure(left: Remainder) -> str:
         return f'{100 * left.drift:.0f} % of it in one record drifts: something came or went there'
     if left.uneven and left.predictable < STRUCTURE:
         return f'the model describes one record {left.unevenness:.2g} times worse than another'
+    if left.predictable < STRUCTURE and clear:
+        return f'{100 * clear.share:.0f} % of the {clear.quantity} follows the {clear.axis}'
     if left.predictable < STRUCTURE:
         return (
             'the motion hardly predicts any of it: loads that come and go, or what a drive does '
@@ -192,7 +199,7 @@ def named(
     if left.structured:
         lines.append(
             f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
-            f'noise and {_structure(left)}, but no effect of the catalogue explains it.'
+            f'noise and {_structure(left, found)}, but no effect of the catalogue explains it.'
         )
         lines += shapes(found)
     return lines

@@ -14,6 +14,8 @@ from motor_sysid.diagnosis.where.axes import FAR
 
 Array = NDArray[np.float64]
 
+PROPORTION = 'grows in proportion'
+
 WIDTHS = np.geomspace(0.004, 0.5, 12)
 """Widths of steps and bumps that are tried, as a share of the axis."""
 
@@ -64,7 +66,7 @@ def shapes_of(axis: str, unit: str, values: Array, target: Array) -> Iterator[Sh
     elif axis.startswith('time'):
         yield from _in_time(values, target)
     else:
-        yield Shape('grows in proportion', lambda x: x[:, np.newaxis] / reach)
+        yield Shape(PROPORTION, lambda x: x[:, np.newaxis] / reach)
 
 
 def _around_zero(axis: str, unit: str, reach: float) -> Iterator[Shape]:
@@ -156,11 +158,9 @@ def _left(columns: Array, target: Array) -> float:
 
 def _over_turns(angle: Array, target: Array) -> Iterator[Shape]:
     middle, reach = 0.5 * float(angle.max() + angle.min()), 0.5 * float(np.ptp(angle)) or 1.0
-    yield Shape('grows in proportion, as the torque of a spring does',
-                lambda x: ((x - middle) / reach)[:, np.newaxis])  # fmt: skip
+    yield Shape(PROPORTION, lambda x: ((x - middle) / reach)[:, np.newaxis])
     for n in slow_orders(angle, target):
-        words = f'once every {_figure(1 / n)} turns, as a load behind a gear does'
-        yield Shape(words, _wave(n), False, MOST_SLOW)
+        yield Shape(f'once every {_figure(1 / n)} turns', _wave(n), False, MOST_SLOW)
 
 
 def _wave(n: float) -> Callable[[Array], Array]:

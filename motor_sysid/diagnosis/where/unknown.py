@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.curves import Curve
 from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.findings import AxisShare, Unknown
-from motor_sysid.diagnosis.where.axes import Axis, many_turns, own_time
+from motor_sysid.diagnosis.where.axes import Axis, FAR, many_turns, own_time
 from motor_sysid.diagnosis.where.equation_errors import lacking_name
 from motor_sysid.diagnosis.where.free_functions import (
     CONSTANT,
@@ -27,7 +27,7 @@ from motor_sysid.diagnosis.where.free_functions import (
     RECENT,
 )
 from motor_sysid.diagnosis.where.orthogonal_rows import Rows, rows_of
-from motor_sysid.diagnosis.where.shapes import Shape, shapes_of
+from motor_sysid.diagnosis.where.shapes import PROPORTION, Shape, shapes_of
 from motor_sysid.diagnosis.where.where import curve_on, Failure
 from motor_sysid.physics.model import linear_unit, Model
 from motor_sysid.signals.record import Record
@@ -218,8 +218,12 @@ def _somewhere(found: Unknown, direction: str = '') -> str:
             f'The {found.quantity} looks like a function of {found.axis}, of no simple shape '
             f'({share}; {size}).'
         )
+    alike = ''
+    if found.axis == FAR:
+        source = 'the torque of a spring' if found.shape == PROPORTION else 'a load behind a gear'
+        alike = f', as {source} does'
     return (
-        f'The {found.quantity} looks like a function of {found.axis}: {found.shape}, '
+        f'The {found.quantity} looks like a function of {found.axis}: {found.shape}{alike}, '
         f'{with_unit(found.amplitude, found.unit)}{direction} ({share}).'
     )
 
