@@ -398,3 +398,13 @@ def test_every_code_is_documented(repository: Path) -> None:
     }
     assert len(codes) > 40
     assert {code for code in codes if f'`{code}`' not in text} == set()
+
+
+@pytest.mark.parametrize(('loop', 'steady'), [(1.05, True), (1.36, True), (1.0, False)])
+def test_stamps_of_whole_milliseconds_lose_no_samples(loop: float, steady: bool) -> None:
+    """A loop of 1.36 ms has steps of 1, 1, 2, 1, 2 ms; one of 1 ms that loses a fifth, too."""
+    rng = np.random.default_rng(0)
+    kept = np.ones(6000, dtype=bool) if steady else rng.random(6000) > 0.2
+    stamps = np.round(loop * np.arange(6000))[kept] * 1e-3
+    record = Record(stamps, {n: GOOD[n][kept] for n in GOOD}, GOOD.units)
+    assert ('missing_samples' in found(record)) == (not steady)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from motor_sysid.signals.noise import noise_sigmas, rounding_sigmas
+from motor_sysid.signals.record import Record
 
 
 def test_a_coarse_signal_that_is_held_has_the_noise_of_its_rounding():
@@ -12,12 +13,27 @@ def test_a_coarse_signal_that_is_held_has_the_noise_of_its_rounding():
     speed = 40 * np.sin(3 * time) + 20 * np.sin(11 * time)
     held = np.repeat(np.round(speed[::5] / 3.2) * 3.2, 5)[: time.size, np.newaxis]
     assert noise_sigmas([held], [False]) < 0.6
-    assert rounding_sigmas([held]) == pytest.approx(3.2 / np.sqrt(12))
+    record = Record(time, {'speed': held[:, 0]}, {'speed': 'rad/s'})
+    assert rounding_sigmas([record], ['speed']) == pytest.approx(3.2 / np.sqrt(12))
     assert np.std(held[::5, 0] - speed[::5]) == pytest.approx(3.2 / np.sqrt(12), rel=0.1)
 
 
 def test_a_signal_that_takes_any_value_is_not_rounded():
     smooth = np.sin(np.linspace(0, 9, 500))
     steps = np.round(smooth, 1)
-    both = np.column_stack((smooth, steps))
-    assert rounding_sigmas([both[:200], both[200:]]) == pytest.approx([0.0, 0.1 / np.sqrt(12)])
+    units = {'speed': 'rad/s', 'position': 'rad'}
+    both = Record(1e-3 * np.arange(500), {'speed': smooth, 'position': steps}, units)
+    halves = both.slice(0, 200), both.slice(200, 500)
+    found = rounding_sigmas(halves, ['speed', 'position'])
+    assert found == pytest.approx([0.0, 0.1 / np.sqrt(12)])
+
+
+def test_a_signal_that_was_interpolated_keeps_the_step_of_its_sensor():
+    """Stamps in whole milliseconds of a loop of 1.4 ms: in between lie fractions of a count."""
+    time = np.round(1.4e-3 * np.arange(600), 3)
+    count = np.round(20 * np.sin(9 * time)) * np.pi / 180
+    record = Record(time, {'position': count}, {'position': 'rad'}).uniform(1e-3)
+    assert rounding_sigmas([record], ['position']) == pytest.approx(np.pi / 180 / np.sqrt(12))
+    assert record.slice(0, 100).step_of('position') == pytest.approx(np.pi / 180)
+    again = record.with_signal('position', 2 * record['position'], 'rad')
+    assert again.step_of('position') != pytest.approx(np.pi / 180), 'another signal'

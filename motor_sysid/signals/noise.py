@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.signal import savgol_coeffs
 from scipy.stats import chi2
 
-from motor_sysid.signals.lattice import lattice
+from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
@@ -59,12 +59,11 @@ def noise_sigmas(parts: Sequence[Array], differenced: Sequence[bool]) -> Array:
     )
 
 
-def rounding_sigmas(measured: Sequence[Array]) -> Array:
-    """Return (n_y,) noise that the steps of quantized columns make at least, or zero.
+def rounding_sigmas(records: Sequence[Record], names: Sequence[str]) -> Array:
+    """Return (n_y,) noise that the steps of quantized signals make at least, or zero.
 
-    The error of rounding is spread evenly over a step.
+    The error of rounding is spread evenly over a step; the coarsest record counts.
     """
-    columns = np.concatenate(measured).T
-    steps = [found.step if (found := lattice(column)) else 0.0 for column in columns]
+    steps = [max(record.step_of(name) for record in records) for name in names]
     rounding: Array = np.array(steps) / np.sqrt(12)
     return rounding

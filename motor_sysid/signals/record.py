@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from motor_sysid.errors import UserError
 from motor_sysid.signals.channels import Role, role_of
+from motor_sysid.signals.lattice import lattice
 
 Array = NDArray[np.float64]
 
@@ -53,6 +54,8 @@ class Record:
         and N m.
     provenance:
         Where the record came from.
+    steps:
+        Quantized signal to its step, of those that were interpolated since; see `step_of`.
 
     Raises
     ------
@@ -64,6 +67,7 @@ class Record:
     signals: Mapping[str, Array]
     units: Mapping[str, str]
     provenance: Provenance = field(default_factory=Provenance)
+    steps: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Freeze the arrays and refuse what is not a record."""
@@ -150,7 +154,13 @@ class Record:
             self,
             signals={**self.signals, name: np.asarray(values, dtype=np.float64)},
             units={**self.units, name: unit},
+            steps={other: step for other, step in self.steps.items() if other != name},
         )
+
+    def step_of(self, name: str) -> float:
+        """Return the step of a signal as it was recorded, in its unit; 0 if it has none."""
+        found = lattice(self[name])
+        return self.steps.get(name) or (found.step if found else 0.0)
 
     def uniform(self, dt: float | None = None) -> 'Record':
         """Return the record on a uniform grid of step `dt` (s; default: the median step).
@@ -159,12 +169,12 @@ class Record:
         that a zero-order hold stays one; references and codes are held.  A record that is uniform
         already is returned as it is.
         """
-        step = self.dt if dt is None else dt
-        if self.is_uniform and abs(step - self.dt) <= UNIFORM_JITTER * step:
+        pace = self.dt if dt is None else dt
+        if self.is_uniform and abs(pace - self.dt) <= UNIFORM_JITTER * pace:
             return self
-        count = int(np.floor(self.duration / step * (1 + 1e-9))) + 1
-        grid = self.time[0] + step * np.arange(count)
-        edges = np.append(grid, grid[-1] + step)
+        count = int(np.floor(self.duration / pace * (1 + 1e-9))) + 1
+        grid = self.time[0] + pace * np.arange(count)
+        edges = np.append(grid, grid[-1] + pace)
         signals = {
             name: resample(name, self.time, values, edges) for name, values in self.signals.items()
         }
@@ -172,7 +182,8 @@ class Record:
             self,
             time=grid,
             signals=signals,
-            provenance=self.provenance.noting(f'resampled to {step:.6g} s'),
+            steps={name: step for name in self if (step := self.step_of(name))},
+            provenance=self.provenance.noting(f'resampled to {pace:.6g} s'),
         )
 
     def segments(self, max_gap: float) -> 'list[Record]':

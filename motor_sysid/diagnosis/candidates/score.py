@@ -19,6 +19,7 @@ from motor_sysid.diagnosis.candidates.variants import Variant
 from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 from motor_sysid.physics.effect import Effect
+from motor_sysid.signals.noise import rounding_sigmas
 
 Array = NDArray[np.float64]
 
@@ -26,6 +27,13 @@ PASSES = 3
 AR_ORDER = 12
 NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
 """Rows of long records that the noise model is fitted to, and the windows that they are in."""
+
+ROWS_A_COLUMN = 10
+"""Rows for each column of the dictionary from which on it is fitted to find out the noise."""
+
+ROUNDED = 0.5
+"""Least innovation of a noise model in units of the error of rounding: that of differenced counts
+is one of them."""
 
 GROWN = 1.5
 """How much larger than the residual what the dictionary leaves may be, at its root mean square."""
@@ -130,11 +138,13 @@ def score(
     starts = [one.start for one in near]
     weighting = white([one.residual for one in near])
     weighting = white([Problem.settled(one, weighting) for one in near])
-    size = weighting.sigma
-    some, some_starts = _windows(raw), _windows(starts)
+    size, least = weighting.sigma, _least(problem)
+    first = 1 + problem.dimension
+    few = sum(map(len, raw)) * size.size < ROWS_A_COLUMN * raw[0].shape[2]
+    some = _windows([part[:, :, :first] for part in raw] if few else raw)
     for _ in range(PASSES if whitened else 0):
-        weighting = _whitened(some, some_starts, weighting, size)
-    first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
+        weighting = _whitened(some, _windows(starts), weighting, size, least)
+    count = sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)
     base = Base.of(whole, np.arange(1, first))
     left = base.without(whole)
@@ -152,6 +162,12 @@ def score(
     return Scores(scored, found, weighting)
 
 
+def _least(problem: Problem) -> Array:
+    """Return the (n_y,) noise below which no noise model goes, from the steps of the signals."""
+    records = [one.record for chain in problem.chains for one in chain]
+    return np.asarray(ROUNDED * rounding_sigmas(records, problem.outputs))
+
+
 def _windows(parts: Sequence[Array]) -> list[Array]:
     """Return windows, evenly spread, of about `NOISE_ROWS` rows of all stretches (N, ...)."""
     total = sum(len(part) for part in parts)
@@ -167,14 +183,23 @@ def _windows(parts: Sequence[Array]) -> list[Array]:
 
 
 def _whitened(
-    raw: Sequence[Array], starts: Sequence[Array], weighting: Weighting, most: Array
+    raw: Sequence[Array],
+    starts: Sequence[Array],
+    weighting: Weighting,
+    most: Array,
+    least: Array,
 ) -> Weighting:
     """Fit the noise model to what base parameters and the whole dictionary leave.
+
+    Where there are few rows for the dictionary it would leave less than noise; then `raw` holds
+    base parameters alone, and what an effect does counts as noise, too.
 
     The first column of each `raw` (N, n_y, 1 + K) is the residual, of (n_y,) size `most`; where a
     stretch started is at its best, too.  A noise model to which a drift is nothing lets the
     dictionary, and the starts, leave drifts of any size: where more is left than there was, the
-    noise model stays as it is.
+    noise model stays as it is.  What rounding makes of a signal that moves by less than its step
+    for long stays the same from sample to sample: to a noise model next to nothing, so that what
+    it lets through is at least (n_y,) `least`.
     """
     gram = weighting.gram(raw, starts)
     scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
@@ -189,7 +214,7 @@ def _whitened(
     ]
     settled = [Problem.settled(one, weighting) for one in left]
     size = np.sqrt(np.mean(np.concatenate(settled) ** 2, axis=0))
-    return weighting if np.any(size > GROWN * most) else coloured(settled, AR_ORDER)
+    return weighting if np.any(size > GROWN * most) else coloured(settled, AR_ORDER, least)
 
 
 @dataclass(frozen=True)

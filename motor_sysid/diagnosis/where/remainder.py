@@ -225,7 +225,8 @@ def examine_remainder(
     """
     seen = (validation.measured, validation.residuals, training.residuals)
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
-    floor = np.maximum(floor, rounding_sigmas([*training.measured, *validation.measured]))
+    whole = [one.record for both in chains for chain in both for one in chain]
+    floor = np.maximum(floor, rounding_sigmas(whole, outputs))
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
     error, most = _rms(validation), but_for_few(np.concatenate(validation.residuals))
     noise = np.minimum(floor, error)

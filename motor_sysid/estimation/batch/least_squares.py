@@ -242,7 +242,7 @@ def _bent(bend: Array, step: Array, here: Posed, there: Posed) -> Array:
         size * bend + (both + both.T) / along
         - float(left @ step) * np.outer(fall, fall) / along**2
     )  # fmt: skip
-    return found
+    return found if np.all(np.isfinite(found)) else np.zeros_like(bend)
 
 
 def normal_equations(

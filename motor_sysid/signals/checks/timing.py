@@ -3,9 +3,12 @@
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Record
+
+Array = NDArray[np.float64]
 
 JITTER_INFO, JITTER_WARNING = 0.05, 0.3
 """Deviation of a step from the median step (99th percentile), relative."""
@@ -13,6 +16,9 @@ MISSING_WARNING = 0.005
 """Share of samples that may be missing."""
 ON_GRID = 0.15
 """Distance of a long step from a multiple of the median step at which samples are missing."""
+WINDOW, COARSE, SLOWER = 200, 1.0, 1.03
+"""Samples in which stamps in units of the clock stay within so many of them on the way of a steady
+loop that is slower than one; samples that are lost at random wander off."""
 SHORTEST, LONGEST = 1e-9, 1e4
 """Time between two samples in s that a record of a motor can have."""
 FEW = 200
@@ -74,6 +80,22 @@ def _jitter(record: Record) -> Iterator[Finding]:
     )  # fmt: skip
 
 
+def _coarsely_stamped(time: Array, step: float) -> bool:
+    """Whether steps of one and two units of the clock are those of a steady loop in between.
+
+    Then every sample is within a unit of where it would be, for any number of samples.
+    """
+    count = time.size // WINDOW
+    if count == 0:
+        return False
+    parts = time[: count * WINDOW].reshape(count, WINDOW) / step
+    place = np.arange(WINDOW) - 0.5 * (WINDOW - 1)
+    apart = parts - parts.mean(axis=1, keepdims=True)
+    pace = apart @ place / (place @ place)
+    off = np.max(np.abs(apart - pace[:, np.newaxis] * place), axis=1)
+    return bool(np.median(off) < COARSE and np.median(pace) > SLOWER)
+
+
 def _missing(records: Sequence[Record]) -> Iterator[Finding]:
     missing = total = 0.0
     longest = 0.0
@@ -82,6 +104,8 @@ def _missing(records: Sequence[Record]) -> Iterator[Finding]:
         long = steps[steps > 1.5]
         if long.size and np.mean(np.abs(long - np.round(long)) < ON_GRID) < 0.8:
             continue  # irregular by nature: nothing is missing
+        if _coarsely_stamped(record.time, record.dt):
+            continue
         missing += float(np.sum(np.round(steps[steps > 1.5]) - 1))
         total += len(record)
         longest = max(longest, float(np.max(steps)) * record.dt)
