@@ -32,7 +32,7 @@ from motor_sysid.diagnosis.calibration.store import (
 )
 from motor_sysid.diagnosis.calibration.tail import share_limits, shown_level, upper_quantile
 from motor_sysid.diagnosis.calibration.twin import Twin
-from motor_sysid.diagnosis.candidates.score import AR_ORDER
+from motor_sysid.diagnosis.candidates.left_noise import AR_ORDER
 from motor_sysid.diagnosis.result.threshold import FLOOR, UNCALIBRATED
 from motor_sysid.diagnosis.search.bench import make_bench, with_scales
 from motor_sysid.diagnosis.search.rounds import scored

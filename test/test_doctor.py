@@ -247,6 +247,14 @@ def test_irregular_time() -> None:
     assert missing.numbers['missing'] == pytest.approx(np.sum(~kept), abs=3)
 
 
+def test_an_input_without_its_direction_is_told() -> None:
+    unsigned = GOOD.with_signal('voltage', np.abs(GOOD['voltage']), 'V')
+    codes = found(without('position', 'current')(unsigned))
+    assert codes['unsigned_input'].severity == 'warning'
+    assert 'direction' in codes['unsigned_input'].remedy
+    assert 'unsigned_input' not in found(without('position', 'current')(GOOD))
+
+
 def test_motor_that_never_moves() -> None:
     still = GOOD.with_signal('speed', np.zeros(6000), 'rad/s')
     codes = found(without('position')(still))

@@ -35,5 +35,5 @@ def test_a_signal_that_was_interpolated_keeps_the_step_of_its_sensor():
     record = Record(time, {'position': count}, {'position': 'rad'}).uniform(1e-3)
     assert rounding_sigmas([record], ['position']) == pytest.approx(np.pi / 180 / np.sqrt(12))
     assert record.slice(0, 100).step_of('position') == pytest.approx(np.pi / 180)
-    again = record.with_signal('position', 2 * record['position'], 'rad')
+    again = record.with_signal('position', 3.3 * record['position'], 'rad')
     assert again.step_of('position') != pytest.approx(np.pi / 180), 'another signal'

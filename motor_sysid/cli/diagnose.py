@@ -33,6 +33,9 @@ if TYPE_CHECKING:
 
 HELP = 'name the physical effect that a motor model lacks, with evidence'
 
+WILDEST = 1e4
+"""Error in percent beyond which it is only said that it is beyond."""
+
 
 class Asked(TypedDict):
     """Arguments of `motor_sysid.diagnosis.diagnose` beside the data."""
@@ -146,6 +149,10 @@ def _complain(text: str) -> None:
     print(f'note: {text}', file=sys.stderr)
 
 
+def _percent(error: float) -> str:
+    return f'{error:.3g}' if not error > WILDEST else f'> {WILDEST:.0e}'
+
+
 def summary(found: 'Diagnosis') -> list[str]:
     """Return the verdict as lines of text: words, ladder, candidates."""
     lines = ['', f'Verdict: {found.verdict.value.replace("_", " ")}', *found.reasons, '']
@@ -162,7 +169,7 @@ def summary(found: 'Diagnosis') -> list[str]:
         for one in step.candidates:
             lines.append(
                 f'  {one.title:<32} evidence dBIC {one.delta_bic:>12.4g}   held out '
-                f'{one.validation_error_percent:>8.3g} %   {one.note or "helps"}'
+                f'{_percent(one.validation_error_percent):>8} %   {one.note or "helps"}'
             )
     if found.experiment:
         wanted = found.experiment

@@ -9,6 +9,7 @@ from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
 from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
+from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.result.threshold import Threshold
 from motor_sysid.diagnosis.search.bench import (
@@ -105,9 +106,20 @@ def diagnose(
         shared = replace(with_scales(shared, model), threshold=bench.threshold)
         again = Engine(shared, candidates, settings, tell, nominal).run(climb(model, shared))
         found = better_with_half_lent(found, again)
+    notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     further = beyond_training(bench.train_free, bench.held_free)
     return with_threshold(with_what_data_may_hide(found, [*records, *held], further), threshold)
+
+
+def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:
+    """Say which of the effects that were asked for make no sense for this motor."""
+    idle = [
+        effect(key).card.title for key in asked
+        if key not in model.effects and not effect(key).after and not model.admits(effect(key))
+    ]  # fmt: skip
+    what = f'for a {model.kind.title} recorded like this, and not tried'
+    return (f'no sense {what}: {listed(idle)}',) if idle else ()
 
 
 def with_what_data_may_hide(

@@ -2,5 +2,6 @@
 
 In reading order: `variants` (effects with each choice of their shape), `columns` (what a touch of
 each does to the outputs), `reference_rhythm`, `turns`, `matched_filter` and `proposals` (values of
-shapes that the data propose), `score` (which of them explains what is left).
+shapes that the data propose), `left_noise` (the noise that all of them
+leave), `score` (which of them explains what is left).
 """

@@ -15,28 +15,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.columns import columns
+from motor_sysid.diagnosis.candidates.left_noise import left_noise
 from motor_sysid.diagnosis.candidates.variants import Variant
 from motor_sysid.estimation.batch.problem import Linearization, Problem
-from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
+from motor_sysid.estimation.batch.weighting import Weighting, white
 from motor_sysid.physics.effect import Effect
-from motor_sysid.signals.noise import rounding_sigmas
 
 Array = NDArray[np.float64]
-
-PASSES = 3
-AR_ORDER = 12
-NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
-"""Rows of long records that the noise model is fitted to, and the windows that they are in."""
-
-ROWS_A_COLUMN = 10
-"""Rows for each column of the dictionary from which on it is fitted to find out the noise."""
-
-ROUNDED = 0.5
-"""Least innovation of a noise model in units of the error of rounding: that of differenced counts
-is one of them."""
-
-GROWN = 1.5
-"""How much larger than the residual what the dictionary leaves may be, at its root mean square."""
 
 EACH, PAIRS = 3, 6
 """Variants of each effect that are paired with others; pairs of effects that are told."""
@@ -138,13 +123,9 @@ def score(
     starts = [one.start for one in near]
     weighting = white([one.residual for one in near])
     weighting = white([Problem.settled(one, weighting) for one in near])
-    size, least = weighting.sigma, _least(problem)
-    first = 1 + problem.dimension
-    few = sum(map(len, raw)) * size.size < ROWS_A_COLUMN * raw[0].shape[2]
-    some = _windows([part[:, :, :first] for part in raw] if few else raw)
-    for _ in range(PASSES if whitened else 0):
-        weighting = _whitened(some, _windows(starts), weighting, size, least)
-    count = sum(weighting.rows(len(part)) for part in raw)
+    if whitened:
+        weighting = left_noise(problem, raw, starts, weighting)
+    first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
     whole = weighting.gram(raw, starts)
     base = Base.of(whole, np.arange(1, first))
     left = base.without(whole)
@@ -160,61 +141,6 @@ def score(
     found = best_pairs(scored, parts, left)
     scored.sort(key=lambda s: -s.delta_bic)
     return Scores(scored, found, weighting)
-
-
-def _least(problem: Problem) -> Array:
-    """Return the (n_y,) noise below which no noise model goes, from the steps of the signals."""
-    records = [one.record for chain in problem.chains for one in chain]
-    return np.asarray(ROUNDED * rounding_sigmas(records, problem.outputs))
-
-
-def _windows(parts: Sequence[Array]) -> list[Array]:
-    """Return windows, evenly spread, of about `NOISE_ROWS` rows of all stretches (N, ...)."""
-    total = sum(len(part) for part in parts)
-    if total <= 2 * NOISE_ROWS:
-        return list(parts)
-    found = []
-    for part in parts:
-        count = max(round(NOISE_WINDOWS * len(part) / total), 1)
-        edges = np.linspace(0, len(part), count + 1).astype(int)
-        width = int(len(part) / count * NOISE_ROWS / total)
-        found += [part[a : a + width] for a in edges[:-1]]
-    return found
-
-
-def _whitened(
-    raw: Sequence[Array],
-    starts: Sequence[Array],
-    weighting: Weighting,
-    most: Array,
-    least: Array,
-) -> Weighting:
-    """Fit the noise model to what base parameters and the whole dictionary leave.
-
-    Where there are few rows for the dictionary it would leave less than noise; then `raw` holds
-    base parameters alone, and what an effect does counts as noise, too.
-
-    The first column of each `raw` (N, n_y, 1 + K) is the residual, of (n_y,) size `most`; where a
-    stretch started is at its best, too.  A noise model to which a drift is nothing lets the
-    dictionary, and the starts, leave drifts of any size: where more is left than there was, the
-    noise model stays as it is.  What rounding makes of a signal that moves by less than its step
-    for long stays the same from sample to sample: to a noise model next to nothing, so that what
-    it lets through is at least (n_y,) `least`.
-    """
-    gram = weighting.gram(raw, starts)
-    scale = np.sqrt(np.maximum(np.diag(gram), 0.0))
-    scale[scale == 0] = 1.0
-    scaled = gram / np.outer(scale, scale)
-    coefficients = np.linalg.lstsq(scaled[1:, 1:], scaled[1:, 0], rcond=1e-8)[0]
-    coefficients = coefficients * scale[0] / scale[1:]
-    rest = [part[:, :, 0] - part[:, :, 1:] @ coefficients for part in raw]
-    left = [
-        Linearization(error, part[:, :, :0], start, np.empty(0))
-        for error, part, start in zip(rest, raw, starts, strict=True)
-    ]
-    settled = [Problem.settled(one, weighting) for one in left]
-    size = np.sqrt(np.mean(np.concatenate(settled) ** 2, axis=0))
-    return weighting if np.any(size > GROWN * most) else coloured(settled, AR_ORDER, least)
 
 
 @dataclass(frozen=True)

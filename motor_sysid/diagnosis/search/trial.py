@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from motor_sysid.diagnosis.candidates.left_noise import AR_ORDER
 from motor_sysid.diagnosis.candidates.matched_filter import TOP_ORDER
-from motor_sysid.diagnosis.candidates.score import AR_ORDER, Scored
+from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,

@@ -113,12 +113,16 @@ def _evidence(
         taken = 'the error was at the sensor noise already'
     words = (
         f'{found.title} ({_values(parameters)}): evidence dBIC {found.delta_bic:.3g}; {taken}, '
-        f'and the held-out error {"falls" if gain >= 0 else "rises"} by {abs(gain):.2g} % '
+        f'and the held-out error {"falls" if gain >= 0 else "rises"} by {_share(abs(gain))} % '
         f'({" to ".join(apart(old, new))} %).'
         f'{why and f" {why}"}'
     )
     return Evidence(found.effect, found.title, found.delta_bic, share, gain, parameters,
                     plausible, why, words)  # fmt: skip
+
+
+def _share(percent: float) -> str:
+    return f'{percent:.0f}' if percent >= 10 else f'{percent:.2g}'
 
 
 def _values(parameters: Mapping[str, tuple[float, str, float, float, float]]) -> str:

@@ -23,6 +23,7 @@ from motor_sysid.diagnosis.where.remainder import (
     TRIFLE_PERCENT,
 )
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
 
 _CLEAR = 0.5
 """Share of a lacking force on one axis from which on that axis tells that it is no noise."""
@@ -242,10 +243,24 @@ def _partial(ladder: Sequence[Step]) -> list[str]:
             f'{names} would lower the error most, but a model that still errs by {error:.3g} % '
             'tells nothing of what it lacks.'
         ]
+    held, fitted = (
+        ' to '.join(apart(*pair)) for pair in (
+            (ladder[0].validation_error_percent, error),
+            (ladder[0].train_error_percent, last.train_error_percent),
+        )
+    )  # fmt: skip
     return [
-        f'{names} would explain a part of it, but not enough to be named: a wrong neighbour often '
-        'looks like that.'
+        f'{names} would explain a part of it ({_sizes(last.model, own)}; held-out error '
+        f'{held} %, training error {fitted} %), but not enough to be named: a wrong neighbour '
+        'often looks like that.'
     ]
+
+
+def _sizes(model: Model, keys: Sequence[str]) -> str:
+    own = [
+        model.parameters[f'{key}.{a.name}'] for key in keys for a in effect(key).card.amplitudes
+    ]
+    return ', '.join(f'{p.name.partition(".")[2]} = {with_unit(p.value, p.unit)}' for p in own)
 
 
 def _advice(spot: BlindSpot) -> str:

@@ -223,13 +223,12 @@ def examine_remainder(
     other:
         As in `Remainder`.
     """
-    seen = (validation.measured, validation.residuals, training.residuals)
+    seen = validation.measured, validation.residuals, training.residuals
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
-    whole = [one.record for both in chains for chain in both for one in chain]
-    floor = np.maximum(floor, rounding_sigmas(whole, outputs))
+    rounding = rounding_sigmas([s.record for c in (*chains[0], *chains[1]) for s in c], outputs)
     size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
     error, most = _rms(validation), but_for_few(np.concatenate(validation.residuals))
-    noise = np.minimum(floor, error)
+    noise = np.minimum(np.maximum(floor, rounding), error)
     data = _regressions(training, held, chains, orders)
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),

@@ -18,6 +18,7 @@ from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.estimation.batch.weighting import Weighting, white
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.parameters import Parameter
 
 Array = NDArray[np.float64]
 
@@ -371,16 +372,20 @@ def result_at(
 def _reason(solution: Solution) -> str:
     if not np.isfinite(solution.cost):
         return 'the model cannot be simulated with these parameters; check start values and units'
+    steps = f'{solution.iterations} step' + 's' * (solution.iterations != 1)
     if solution.converged:
-        return f'converged after {solution.iterations} steps'
-    return f'stopped after {solution.iterations} steps without converging; raise `iterations`'
+        return f'converged after {steps}'
+    return f'stopped after {steps} without converging; raise `iterations`'
 
 
 def _warnings(model: Model) -> tuple[str, ...]:
-    return tuple(
-        f'{p.name} = {p.value:.4g} {p.unit} sits on its bound ({p.lower:.3g} to {p.upper:.3g}); '
-        + ('widen the box, or take the effect that it belongs to out of the model' if '.' in p.name
-           else 'widen the box, or hold it at a known value if these data do not tell it')
-        for p in model.parameters.free
-        if p.on_bound
-    )  # fmt: skip
+    return tuple(_on_bound(p) for p in model.parameters.free if p.on_bound)
+
+
+def _on_bound(p: Parameter) -> str:
+    remedy = 'take the effect that it belongs to out of the model' if '.' in p.name else (
+        'hold it at a known value if these data do not tell it'
+    )
+    value = f'{p.value:.4g}' if p.unit == '1' else f'{p.value:.4g} {p.unit}'
+    box = f'{p.lower:.3g} to {p.upper:.3g}'
+    return f'{p.name} = {value} sits on its bound ({box}); widen the box, or {remedy}'

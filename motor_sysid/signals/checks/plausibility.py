@@ -44,6 +44,10 @@ BALANCED = 0.9
 """Share of the voltage that its balance must explain to say that a motor was braked."""
 OPPOSED = -0.3
 """Correlation from which two signals that should agree in sign do not."""
+NO_SIGN, TURNING, BOTH_WAYS, MOSTLY_ON = 0.02, 0.2, 0.1, 0.5
+"""Shares: of an input that may go the other way and still be of one sign; of the top speed from
+which on a motor turns, and of the largest input from which on that is on; of the time in either
+direction; and of that in which the input is on."""
 MOMENT = 0.1
 """A record of less than this share of the longest shows a moment: the motor may brake in all of
 it, between two gaps, and then its speed runs against the voltage."""
@@ -177,12 +181,35 @@ def _signs(record: Record) -> Iterator[Finding]:
     braked = (
         current and balance is not None and balance.explained > BALANCED and balance.back_emf > 0
     )
-    if speed is not None and driver != current and not braked:
+    if speed is not None and _is_unsigned(record[driver], speed):
+        yield _unsigned(driver)
+    elif speed is not None and driver != current and not braked:
         agreement = _agreement(record[driver], speed)
         if agreement < OPPOSED:
             severity = Severity.ERROR if agreement < 2 * OPPOSED else Severity.WARNING
             name = 'speed' if 'speed' in record else 'position'
             yield _opposed(name, driver, severity, {'correlation': agreement})
+
+
+def _is_unsigned(drive: Array, speed: Array) -> bool:
+    """Whether an input of one sign is on while a motor turns either way."""
+    size, top = float(np.max(np.abs(drive))), float(np.quantile(np.abs(speed), 0.99))
+    one_sign = min(-float(np.min(drive)), float(np.max(drive))) <= NO_SIGN * size
+    there, back = speed > TURNING * top, speed < -TURNING * top
+    if not one_sign or min(np.mean(there), np.mean(back)) < BOTH_WAYS:
+        return False
+    on = np.abs(drive) > TURNING * size
+    return bool(min(np.mean(on[there]), np.mean(on[back])) > MOSTLY_ON)
+
+
+def _unsigned(driver: str) -> Finding:
+    return Finding(
+        Severity.WARNING, 'unsigned_input',
+        f'{driver} has one sign all the time, and is on while the motor turns either way',
+        'what drives the motor backward is not in the record: no model can follow it',
+        'record the direction as well and multiply by it (`product` of two signals in a '
+        'msg_config file), unless the motor was driven by its load', {},
+    )  # fmt: skip
 
 
 def _opposed(name: str, driver: str, severity: Severity, numbers: dict[str, float]) -> Finding:
