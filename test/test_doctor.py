@@ -247,6 +247,17 @@ def test_irregular_time() -> None:
     assert missing.numbers['missing'] == pytest.approx(np.sum(~kept), abs=3)
 
 
+def test_a_drive_that_is_switched_off_is_told() -> None:
+    """For the first tenth the command is there and the motor is not."""
+    off = np.arange(6000) < 600
+    volts = np.where(off, 0.8 * np.max(GOOD['voltage']), GOOD['voltage'])
+    idle = GOOD.with_signal('voltage', volts, 'V')
+    idle = idle.with_signal('speed', np.where(off, 0.0, GOOD['speed']), 'rad/s')
+    told = found(without('position', 'current')(idle))['driven_at_rest']
+    assert told.numbers['lasts_s'] == pytest.approx(0.6, abs=0.01)
+    assert 'driven_at_rest' not in found(GOOD)
+
+
 def test_an_input_without_its_direction_is_told() -> None:
     unsigned = GOOD.with_signal('voltage', np.abs(GOOD['voltage']), 'V')
     codes = found(without('position', 'current')(unsigned))

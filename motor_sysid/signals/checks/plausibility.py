@@ -48,6 +48,10 @@ NO_SIGN, TURNING, BOTH_WAYS, MOSTLY_ON = 0.02, 0.2, 0.1, 0.5
 """Shares: of an input that may go the other way and still be of one sign; of the top speed from
 which on a motor turns, and of the largest input from which on that is on; of the time in either
 direction; and of that in which the input is on."""
+ON, STILL, ALIKE, AT_LEAST, LASTING = 0.3, 0.01, 0.15, 0.5, 0.03
+"""Share of the largest input from which on it should turn a motor; of the top speed below which
+that rests; by which inputs of one level differ; seconds, and the share of the record, that it must
+rest."""
 MOMENT = 0.1
 """A record of less than this share of the longest shows a moment: the motor may brake in all of
 it, between two gaps, and then its speed runs against the voltage."""
@@ -181,6 +185,8 @@ def _signs(record: Record) -> Iterator[Finding]:
     braked = (
         current and balance is not None and balance.explained > BALANCED and balance.back_emf > 0
     )
+    if speed is not None:
+        yield from _driven_at_rest(record, driver, speed)
     if speed is not None and _is_unsigned(record[driver], speed):
         yield _unsigned(driver)
     elif speed is not None and driver != current and not braked:
@@ -200,6 +206,34 @@ def _is_unsigned(drive: Array, speed: Array) -> bool:
         return False
     on = np.abs(drive) > TURNING * size
     return bool(min(np.mean(on[there]), np.mean(on[back])) > MOSTLY_ON)
+
+
+def _driven_at_rest(record: Record, driver: str, speed: Array) -> Iterator[Finding]:
+    """Find the longest time that a motor rests under an input that turns it elsewhere."""
+    drive, top = np.abs(record[driver]), float(np.quantile(np.abs(speed), 0.99))
+    idle = (drive > ON * np.max(drive)) & (np.abs(speed) < STILL * top)
+    edges = np.flatnonzero(np.diff(np.concatenate(([False], idle, [False])).astype(np.int8)))
+    begins, ends = edges[::2], edges[1::2]
+    if not top or not begins.size:
+        return
+    longest = int(np.argmax(ends - begins))
+    first, end = int(begins[longest]), int(ends[longest])
+    level = float(np.median(drive[first:end]))
+    alike = np.abs(drive - level) < ALIKE * level
+    alike[first:end] = False
+    turns = np.mean(np.abs(speed[alike]) > TURNING * top) if np.any(alike) else 0.0
+    lasts = (end - first) * record.dt
+    if lasts < max(AT_LEAST, LASTING * record.duration) or turns < MOSTLY_ON:
+        return
+    begin = float(record.time[first] - record.time[0])
+    yield Finding(
+        Severity.WARNING, 'driven_at_rest',
+        f'the motor rests for {lasts:.3g} s from {begin:.3g} s on under {level:.3g} '
+        f'{record.units[driver]} of {driver}, which turns it elsewhere',
+        'that it was held, or that its drive was switched off, looks like friction or a load',
+        'cut that time out; record whether the drive is enabled',
+        {'begin_s': begin, 'lasts_s': lasts, 'level': level},
+    )  # fmt: skip
 
 
 def _unsigned(driver: str) -> Finding:
