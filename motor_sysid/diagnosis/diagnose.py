@@ -109,7 +109,8 @@ def diagnose(
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     further = beyond_training(bench.train_free, bench.held_free)
-    return with_threshold(with_what_data_may_hide(found, [*records, *held], further), threshold)
+    found = with_what_data_may_hide(found, [*train, *validation], further)
+    return with_threshold(found, threshold)
 
 
 def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:

@@ -64,6 +64,9 @@ def rounding_sigmas(records: Sequence[Record], names: Sequence[str]) -> Array:
 
     The error of rounding is spread evenly over a step; the coarsest record counts.
     """
-    steps = [max(record.step_of(name) for record in records) for name in names]
+    steps = [
+        max((record.step_of(name) for record in records if name in record), default=0.0)
+        for name in names
+    ]
     rounding: Array = np.array(steps) / np.sqrt(12)
     return rounding

@@ -87,6 +87,7 @@ def strays_of(record: Record) -> Iterator[Strays]:
         places = stray_places(values, quiet)
         mended = _between(record.time, values, places) if places.size else values.copy()
         ends = _stray_ends(record, name, mended)
+        ends = ends if quiet is None else ends[quiet[ends]]
         if ends.size or places.size:
             mended[ends] = 2 * mended[np.abs(ends - 1)] - mended[np.abs(ends - 2)]
             yield Strays(record, name, np.union1d(places, ends), mended)
@@ -193,12 +194,15 @@ def _is_watched(name: str) -> bool:
 
 
 def _quiet(record: Record) -> NDArray[np.bool_]:
-    """Return (N,) where no input has moved by much within the last samples."""
+    """Return (N,) where no input has moved by much within the last samples.
+
+    One that is there from the first sample on was switched on then.
+    """
     still = np.ones(len(record), dtype=np.bool_)
     for name in record:
         if role_of(name) is not Role.INPUT:
             continue
-        steps = np.abs(np.diff(record[name], prepend=record[name][0]))
+        steps = np.abs(np.diff(record[name], prepend=0.0))
         moved = np.flatnonzero(steps > MOVED * np.ptp(record[name]))
         for later in range(-1, AROUND + 1):
             still[np.clip(moved + later, 0, len(record) - 1)] = False

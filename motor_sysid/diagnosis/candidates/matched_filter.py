@@ -156,6 +156,8 @@ class Matched:
         """Return the same, in a pass over the data."""
         total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
         turned = 0.0
+        count = max(one.drive.count for one in self._problem.stretches)
+        seen = np.arange(TOP_ORDER + 1) * count <= np.pi  # others look like slower ones
         for stretch in self._stretches:
             path = stretch.path
             if 'theta' not in path or (by and by not in path):
@@ -171,7 +173,7 @@ class Matched:
                 add_energy(*by_length(step, carrier**2), power, energy)
         if turned < _LEAST_TURN:
             return np.zeros(TOP_ORDER + 1)
-        gains: Array = np.abs(total) ** 2 / np.maximum(energy, 1e-300)
+        gains: Array = np.where(seen, np.abs(total) ** 2 / np.maximum(energy, 1e-300), 0.0)
         return gains
 
     def frequencies(self, force: str, count: int = 3) -> tuple[float, ...]:

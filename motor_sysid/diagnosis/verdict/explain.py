@@ -45,7 +45,7 @@ def explained(
     full = replace(
         diagnosis,
         held_alone=left.held_alone,
-        unknown=_unknown(diagnosis, ladder[-1], left),
+        unknown=_unknown(diagnosis, left),
         evidence=evidence_of(ladder, diagnosis.records, left.floor_percent, nominal)
         if named
         else (),
@@ -76,10 +76,13 @@ def _reasons(
     return [*lines, *([said] if said else []), *off_nominal(last, nominal)]
 
 
-def _unknown(diagnosis: Diagnosis, last: Step, left: Remainder) -> tuple[Unknown, ...]:
-    """Return what the last model lacks, where something does remain."""
+def _unknown(diagnosis: Diagnosis, left: Remainder) -> tuple[Unknown, ...]:
+    """Return what the last model that is shown lacks, where something does remain.
+
+    What was found and not named may stand for anything, and leave nothing like what is missing.
+    """
     if diagnosis.verdict is Verdict.INSUFFICIENT_DATA or not left.structured:
         return ()
-    records, roles = diagnosis.records, diagnosis.roles
+    records, roles, last = diagnosis.records, diagnosis.roles, diagnosis.steps[-1]
     failure = failure_of(last.model, records, roles, last.predictions)
     return unknown_of(last.model, records, failure, diagnosis.noise_sigma)

@@ -200,8 +200,9 @@ class _Emf:
 def _emf(u: Array, i: Array, speed: Array, dt: float) -> _Emf | None:
     """Find the back-EMF in d and q voltages (N, 2): what goes with the speed alone.
 
-    ``u = Z i + speed (M i + e)`` with 2 x 2 matrices Z and M, both sides averaged; None where the
-    motion does not tell.
+    ``u = Z i + speed (M i + e + |speed| l)`` with 2 x 2 matrices Z and M, both sides averaged;
+    None where the motion does not tell.  An angle that is late turns the back-EMF as the speed
+    grows (l), which is no wrong offset.
     """
     width = max(1, round(AVERAGED / dt))
 
@@ -210,7 +211,7 @@ def _emf(u: Array, i: Array, speed: Array, dt: float) -> _Emf | None:
 
     currents = [i[:, 0], i[:, 1]]
     columns = [smooth(x) for x in (speed, *currents, *(speed * x for x in currents))]
-    columns.append(np.ones(speed.size))
+    columns += [smooth(speed * np.abs(speed)), np.ones(speed.size)]
     x = np.column_stack(columns)
     scale = np.sqrt(np.mean(x**2, axis=0))
     seen = scale > 1e-12

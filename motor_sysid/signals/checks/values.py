@@ -16,6 +16,8 @@ ABSURD = 1e30
 """No signal of a motor is larger in SI."""
 COARSE = 0.1
 """A step of more than this many RMS is coarse."""
+AT_REST = 0.01
+"""Share of the top speed below which a motor rests, filters of its speed and all."""
 SELDOM = 0.05
 """Share of samples that repeat the one before, below which a signal moves by noise alone."""
 AT_LIMIT = 0.005
@@ -82,7 +84,7 @@ def _frozen(name: str, record: Record) -> Iterator[Finding]:
     driver = main_input(record)
     inside = record[driver][start : start + length] if driver else values[:1]
     silent = repeats > SELDOM and np.ptp(inside) == 0
-    if length < 20 * expected or silent or _resting(name, record, start):
+    if length < 20 * expected or silent or _resting(name, record, start, length):
         return
     yield Finding(
         Severity.WARNING, 'frozen_stretch',
@@ -94,11 +96,12 @@ def _frozen(name: str, record: Record) -> Iterator[Finding]:
     )  # fmt: skip
 
 
-def _resting(name: str, record: Record, start: int) -> bool:
+def _resting(name: str, record: Record, start: int, length: int) -> bool:
     """Tell whether it is natural that a signal does not change: a motor at rest."""
     value = abs(record[name][start])
     if name == 'position':
-        return 'speed' not in record or record['speed'][start + 1] == 0
+        speed = np.abs(record['speed']) if 'speed' in record else np.zeros(len(record))
+        return bool(np.median(speed[start : start + length]) <= AT_REST * np.max(speed))
     found = lattice(record[name])
     return bool(value == 0 or (found is not None and value < 3 * found.step))
 
