@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.noise import noise_sigmas, rounding_sigmas
 from motor_sysid.signals.record import Record
 
@@ -37,3 +38,21 @@ def test_a_signal_that_was_interpolated_keeps_the_step_of_its_sensor():
     assert record.slice(0, 100).step_of('position') == pytest.approx(np.pi / 180)
     again = record.with_signal('position', 3.3 * record['position'], 'rad')
     assert again.step_of('position') != pytest.approx(np.pi / 180), 'another signal'
+
+
+@pytest.mark.parametrize('digits', [4, 5, 6, 9])
+def test_counts_that_are_written_with_few_digits_are_counts(digits):
+    rng, step = np.random.default_rng(0), 2 * np.pi / 64
+    counts = np.floor(np.cumsum(rng.normal(0, 0.05, 4000)) / step) * step
+    written = np.round(counts, digits)
+    for values in (written, np.diff(written)):
+        found = lattice(values)
+        assert found is not None
+        assert found.step == pytest.approx(step, rel=2e-3)
+
+
+def test_large_gaps_between_few_levels_are_no_step():
+    """A signal in steps of 0.1 that goes far away and comes back."""
+    rng = np.random.default_rng(0)
+    near = np.round(np.cumsum(rng.normal(0, 0.05, 4000)), 1)
+    assert lattice(np.where(rng.random(4000) < 0.3, 100 * near, near)).step == pytest.approx(0.1)
