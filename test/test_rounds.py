@@ -90,8 +90,8 @@ def test_a_start_that_is_off_is_no_noise():
     for one in problem.linearize(z):
         assert one.start.shape[2] > 0
         off = one.start @ np.full(one.start.shape[2], 1e3)
-        near.append(replace(one, residual=off + 0.1 * rng.normal(size=one.residual.shape)))
-    assert score(problem, z, [], near).weighting.sigma == pytest.approx(0.1, rel=0.1)
+        near.append(replace(one, residual=off + 1.0 * rng.normal(size=one.residual.shape)))
+    assert score(problem, z, [], near).weighting.sigma == pytest.approx(1.0, rel=0.1)
 
 
 @pytest.mark.parametrize(

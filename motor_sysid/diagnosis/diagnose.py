@@ -1,6 +1,6 @@
 """Find out which physical effect a motor model lacks."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -27,8 +27,9 @@ from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
+from motor_sysid.signals.checks import timing
 from motor_sysid.signals.doctor import examine, seen_by_fits
-from motor_sysid.signals.finding import Severity
+from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Record
 
 _REACHING = ('speed', 'current', 'current_q', 'voltage', 'voltage_q', 'torque', 'force')
@@ -109,7 +110,8 @@ def diagnose(
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     further = beyond_training(bench.train_free, bench.held_free)
-    found = with_what_data_may_hide(found, [*train, *validation], further)
+    odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
+    found = with_what_data_may_hide(found, odd, further)
     return with_threshold(found, threshold)
 
 
@@ -124,17 +126,17 @@ def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:
 
 
 def with_what_data_may_hide(
-    diagnosis: Diagnosis, records: Sequence[Record], further: Sequence[str] = ()
+    diagnosis: Diagnosis, findings: Iterable[Finding], further: Sequence[str] = ()
 ) -> Diagnosis:
     """Return the diagnosis; where something unknown is missing, first with what is odd about data.
 
     A signal that is out of step, or flat where it should not be, looks like physics that no
-    catalogue holds; so that comes before all that is said of such physics, and what `further` is
-    to be said of the data after it.
+    catalogue holds; so the warnings among the doctor's `findings` come before all that is said of
+    such physics, and what `further` is to be said of the data after them.
     """
     if diagnosis.verdict is not Verdict.UNKNOWN_EFFECT:
         return diagnosis
-    odd = [f for f in examine(records) if f.severity is Severity.WARNING]
+    odd = {f.code: f for f in findings if f.severity is Severity.WARNING}.values()
     said = [
         f'The data may be to blame: {f.message}. To do: {f.remedy or "look at them"}' for f in odd
     ]

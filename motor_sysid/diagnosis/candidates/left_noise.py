@@ -16,7 +16,7 @@ AR_ORDER = 12
 NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
 """Rows of long records that the noise model is fitted to, and the windows that they are in."""
 
-ROWS_A_COLUMN = 10
+ROWS_A_COLUMN = 5
 """Rows for each column of the dictionary from which on it is fitted to find out the noise."""
 
 ROUNDED = 0.5
