@@ -247,6 +247,17 @@ def test_irregular_time() -> None:
     assert missing.numbers['missing'] == pytest.approx(np.sum(~kept), abs=3)
 
 
+def test_a_rest_is_no_fault_though_its_speed_is_filtered() -> None:
+    """A filter still shows a thousandth of the top speed when the shaft stands."""
+    rest = slice(2000, 3000)
+    for share, told in ((1e-3, False), (0.5, True)):
+        position, speed = GOOD['position'].copy(), GOOD['speed'].copy()
+        position[rest] = position[1999]
+        speed[rest] = share * np.max(speed) * np.linspace(1.0, 0.5, 1000)
+        record = GOOD.with_signal('position', position, 'rad').with_signal('speed', speed, 'rad/s')
+        assert ('frozen_stretch' in found(record)) == told
+
+
 def test_a_drive_that_is_switched_off_is_told() -> None:
     """For the first tenth the command is there and the motor is not."""
     off = np.arange(6000) < 600

@@ -58,6 +58,21 @@ def test_good_phases_pass_and_tell_pole_pairs_and_offset(record: Record) -> None
     assert told['offset_rad'] == pytest.approx(0, abs=0.06)
 
 
+@pytest.mark.parametrize(('late', 'offset'), [(120e-6, 0.0), (0.0, 0.5)])
+def test_a_voltage_that_is_late_is_no_wrong_offset(late: float, offset: float) -> None:
+    """A drone's motor turns one way, so that half a radian at top speed looks like an offset."""
+    time, rng = 1e-4 * np.arange(20_000), np.random.default_rng(0)
+    speed = 300 + 150 * np.sin(3 * time) + 60 * np.sin(11 * time)
+    i = 4 * np.sin(40 * time) + 1j * (6 + 3 * np.sin(23 * time))
+    omega = 7 * speed
+    u = 0.06 * i + 1j * omega * (2e-5 * i + 1.07e-3) + 0.01 * rng.standard_normal(time.size)
+    u = u * np.exp(1j * (omega * late + offset))
+    parts = {'voltage_d': u.real, 'voltage_q': u.imag, 'current_d': i.real, 'current_q': i.imag}
+    units = {name: 'V' if 'voltage' in name else 'A' for name in parts}
+    record = Record(time, {**parts, 'speed': speed}, {**units, 'speed': 'rad/s'})
+    assert ('electrical_offset' in found(record)) == bool(offset)
+
+
 def test_a_turned_encoder_disc_is_read_from_the_back_emf() -> None:
     record = PMSM.with_signal('position', PMSM['position'] + 0.25, 'rad')
     phases = record.select([name for name in record if name[-2:] not in ('_d', '_q')])

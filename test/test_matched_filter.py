@@ -1,5 +1,7 @@
 """The matched filter: what a wave leaves in the residual comes back as order and frequency."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.signal import lfilter
@@ -27,7 +29,9 @@ SENSORS = Sensors(
 )
 
 
-def matched(turning: float = 1.0, random: float = 0.0, **hidden: float) -> Matched:
+def matched(
+    turning: float = 1.0, random: float = 0.0, counts: float = 4096, **hidden: float
+) -> Matched:
     """Return the filter of the bare motor on 8 s in closed loop of one with something hidden.
 
     `random` is the size of a load in N m that wanders in 50 ms.
@@ -36,7 +40,8 @@ def matched(turning: float = 1.0, random: float = 0.0, **hidden: float) -> Match
     reference = turning * np.repeat(rng.uniform(-120, 120, 20), 400)
     control = Control(reference, kp=0.05, ki=0.6, limit=12.0, counts=4096)
     push = lfilter([0.2], [1.0, -0.98], random * rng.standard_normal(reference.size))
-    record = measure(run(PLANT._replace(**hidden), control, DT, push), SENSORS, DT, rng)
+    sensors = replace(SENSORS, counts=counts)
+    record = measure(run(PLANT._replace(**hidden), control, DT, push), sensors, DT, rng)
     model = Model.base('brushed_dc', BASE, speed_sensor=SpeedSensor.DIFFERENCE)
     outputs = observed_outputs(model.kind, [record])
     problem = Problem(model, [make_chain(record, model.kind, outputs)], outputs)
@@ -52,6 +57,15 @@ def test_the_order_of_a_wave_stands_out(order):
     assert gains.shape == (TOP_ORDER + 1,)
     assert np.argmax(gains) == order
     assert gains[order] > 100
+
+
+def test_waves_that_counts_do_not_show_are_not_proposed():
+    """At angles that are multiples of a 48th of a turn 48 waves are none, and 47 are one."""
+    found = matched(counts=48, cogging=4e-3, order=11)
+    gains = found.order_gains(effect('cogging_torque'))
+    assert np.argmax(gains) == 11
+    assert not np.any(gains[25:])
+    assert not np.any(found.order_gains(by='i')[25:])
 
 
 def test_a_model_that_ran_away_shows_no_orders():

@@ -106,6 +106,16 @@ def test_a_start_from_rest_is_none(samples: int) -> None:
     assert list(strays_of(record)) == []
 
 
+def test_a_current_that_begins_at_rest_under_a_voltage_is_none() -> None:
+    """It is the first sample of a step that was switched on with the recording."""
+    moving = RECORD.slice(20, 6000)
+    bad = spoilt(moving, 'current', {0: 40.0})
+    for first, places in ((0.0, [0]), (np.max(moving['voltage']), [])):
+        volts = np.where(np.arange(len(moving)) < 10, first, moving['voltage'])
+        told = strays_of(bad.with_signal('voltage', volts, 'V'))
+        assert [int(k) for one in told for k in one.places] == places
+
+
 def test_what_is_not_finite_is_left_to_others() -> None:
     assert stray_places(np.where(RECORD['speed'] == RECORD['speed'][50], np.inf, 1.0)).size == 0
 

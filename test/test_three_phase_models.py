@@ -238,7 +238,7 @@ def test_a_salient_motor_is_found_though_its_axes_are_off():
 def test_a_voltage_that_stands_still_in_the_stator_moves_no_parameter():
     """The rotor turns by up to a fifth of a radian in each of the drive's periods of 100 us.
 
-    Without `hold_squared` the flux is some 25 of its standard errors off, and the age of the angle
+    Without `hold_squared` the flux is some 15 of its standard errors off, and the age of the angle
     that explains as much is R T^2 / (12 L_d) = 0.5 us.  Two seeds, fixed.
     """
     machine = PMSM_SHEETS[1].machine

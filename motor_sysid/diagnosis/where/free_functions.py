@@ -33,7 +33,7 @@ def free_functions(
     order = ('speed', 'current', 'input', 'position', FAR, 'temperature', OWN_TIME, 'time')
     found = {CONSTANT: rows.take([np.ones((size, 1)) for size in rows.sizes])}
     for axis in (axes[name] for name in order if name in axes):
-        found[axis.name] = rows.take([free_function(axis, v, rows) for v in axis.values])
+        found[axis.name] = free_function(axis, rows)
     for name in (OWN_TIME, 'time'):
         if name in axes:
             found.update(drifts(model, failure, axes[name], rows))
@@ -73,26 +73,29 @@ def drifts(model: Model, failure: Failure, clock: Axis, rows: Rows) -> dict[str,
     return found
 
 
-def free_function(axis: Axis, x: Array, rows: Rows) -> Array:
-    """Return (N, k) columns of a free function of one record's values of an axis."""
+def free_function(axis: Axis, rows: Rows) -> Array:
+    """Return (K, k) columns of a free function of an axis."""
+    waves: list[float] = []
+    if axis.name == 'position' and axis.unit == 'rad':
+        waves = sorted({1, 2, 3, 4, *standing_orders(rows.thin(axis.values), rows.target)})
+    elif axis.name == FAR:
+        slow = slow_orders(rows.thin(axis.values), rows.target)
+        waves = [m * n for n in slow for m in (1, 2)]
+    return rows.take([_columns(axis, v, waves) for v in axis.values])
+
+
+def _columns(axis: Axis, x: Array, waves: Sequence[float]) -> Array:
+    """Return (N, k) columns for one record's values, with waves of these numbers per turn."""
     low, high = axis.edges[[0, -1]]
+    swings = [f(n * x) for n in waves for f in (np.sin, np.cos)]
     if axis.name in ('speed', 'current', 'input'):
         knots = high * np.concatenate(([0.0], np.geomspace(0.02, 1.0, KNOTS)))
         ahead = hats(np.abs(x), knots)
         back = (x < 0)[:, np.newaxis]
         return np.concatenate([np.where(back, 0.0, ahead), np.where(back, ahead, 0.0)], axis=1)
     if axis.name == 'position' and axis.unit == 'rad':
-        waves = sorted({1, 2, 3, 4, *standing_orders(rows.thin(axis.values), rows.target)})
-        return np.stack([np.ones_like(x), *_waves(x, waves)], axis=1)
-    smooth = hats(x, np.linspace(low, high, 2 * KNOTS))
-    if axis.name == FAR:
-        slow = slow_orders(rows.thin(axis.values), rows.target)
-        return np.column_stack([smooth, *_waves(x, [m * n for n in slow for m in (1, 2)])])
-    return smooth
-
-
-def _waves(x: Array, orders: Sequence[float]) -> list[Array]:
-    return [f(n * x) for n in orders for f in (np.sin, np.cos)]
+        return np.stack([np.ones_like(x), *swings], axis=1)
+    return np.column_stack([hats(x, np.linspace(low, high, 2 * KNOTS)), *swings])
 
 
 def hats(x: Array, knots: Array) -> Array:

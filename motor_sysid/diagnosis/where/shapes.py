@@ -25,7 +25,7 @@ MOMENTS = 120
 TOP_ORDER = 120
 """Most waves per turn that are tried."""
 
-SLOWEST_FAST, MOST_SLOW = 0.97, 2000
+HIGHEST_SLOW, MOST_SLOW = 0.97, 2000
 """Most waves per turn of what repeats over many turns; and how many are tried."""
 
 STANDS_OUT = 8.0
@@ -141,8 +141,12 @@ def slow_orders(angle: Array, target: Array) -> list[float]:
     The strongest, or none.  What turns behind a gear goes round once in many turns of the motor.
     """
     turns = float(np.ptp(angle)) / (2 * np.pi)
-    orders = np.linspace(0.5 / turns, SLOWEST_FAST, min(round(4 * turns), MOST_SLOW))
-    height = np.array([np.abs(np.mean(np.exp(-1j * n * angle) * target)) ** 2 for n in orders])
+    orders = np.linspace(0.5 / turns, HIGHEST_SLOW, min(round(4 * turns), MOST_SLOW))
+    wave, height = target * np.exp(-1j * orders[0] * angle), np.empty(orders.size)
+    turn = np.exp(-1j * (orders[1] - orders[0]) * angle)
+    for k in range(orders.size):
+        height[k] = np.abs(np.mean(wave)) ** 2
+        wave = wave * turn
     best = int(np.argmax(height))
     if height[best] <= STANDS_OUT * np.median(height):
         return []

@@ -121,7 +121,7 @@ def _unknown(
 
 
 def _with_shape(plain: Unknown, curve: Curve, axis: Axis, rows: Rows) -> Unknown:
-    free = rows.fitted(rows.take([free_function(axis, v, rows) for v in axis.values]))[1]
+    free = rows.fitted(free_function(axis, rows))[1]
     thin = rows.thin(axis.values)
     best = _best_shape(rows, shapes_of(plain.axis, axis.unit, thin, rows.target), axis)
     if best is None or best.explained < SIMPLE * (rows.power - free):
