@@ -36,7 +36,11 @@ def folder(tmp_path):
 
 
 def called(folder, gain: float) -> tuple[float, int]:
-    """Return what the outer function makes of 3 in a fresh process, and how often it was kept."""
+    """Return what the outer function makes of 3 in a fresh process, and how often it was kept.
+
+    Python itself keeps no bytecode: it takes a file of the same length, changed within a second,
+    for the same.
+    """
     (folder / 'made_here' / 'inner.py').write_text(INNER.format(gain=gain))
     program = textwrap.dedent("""
         from made_here.outer import outer
@@ -44,7 +48,7 @@ def called(folder, gain: float) -> tuple[float, int]:
     """)
     environment = {'PATH': '/usr/bin', 'MOTOR_SYSID_CACHE': str(folder / 'cache')}
     done = subprocess.run(
-        [sys.executable, '-c', program], cwd=folder, env=environment, check=True,
+        [sys.executable, '-B', '-c', program], cwd=folder, env=environment, check=True,
         capture_output=True, text=True,
     )  # fmt: skip
     value, hits = done.stdout.split()
