@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis.search.gates import FAITHFUL, LEAST_CERTAINTY
+from motor_sysid.diagnosis.search.gates import LEAST_CERTAINTY
 from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned, relieved
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
+from motor_sysid.physics.effect import FAITHFUL
 from motor_sysid.physics.model import SpeedSensor
 
 TAU = 6e-3

@@ -77,6 +77,9 @@ FRAMES = ('dq', 'abc')
 REDUCED = 'voltage_reduced'
 """Name of a law for motors whose only equation is a balance of voltages."""
 
+FAITHFUL = 0.02
+"""No law follows its effect closer than this share of it."""
+
 Law = Callable[..., float]
 
 
@@ -238,6 +241,9 @@ class Card:
         Largest usual value of the first amplitude (SI), for what every motor has that may have
         the effect: up to it, it goes first among what explains as well, beyond it last; 0 for
         any other effect.
+    misfit:
+        Share of the effect that its law may miss in a real motor; what is left then looks like
+        another function of the same thing.  More where the form of the law is a habit.
     hidden_by:
         Shortfalls of the excitation, of `SHORTFALLS`, for which it cannot be seen or told from
         others.
@@ -271,6 +277,7 @@ class Card:
     strikes: bool = False
     grid: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
     inherent: float = 0.0
+    misfit: float = FAITHFUL
     hidden_by: tuple[str, ...] = ()
 
     @property

@@ -44,9 +44,9 @@ MORE = 0.2
 """Part of what the effects of a model explain, which no wider law adds to it by making up for what
 they have not right."""
 
-FAITHFUL = 0.02
-"""No law follows its effect closer than this: the square of it, as a share of what the effects of
-a model explain, is what their misfit may look like another function of the same thing."""
+BLURRED = np.pi
+"""Radians of a wave over a turn that pass within a sample at the usual speed, from which on it is
+seen near standstill alone, where no law of dry friction is right to the last detail."""
 
 UNPHYSICAL = 'unphysical sign'
 NO_EVIDENCE = 'no evidence'
@@ -108,6 +108,9 @@ DEEP, DEEP_SHARE = 2.0, 0.8
 is beyond the noise that an effect takes away, for it to be believed however little it lowers an
 error that is nearly all noise; so is what takes away as much of less and leaves only noise, if it
 is no wider form of what the model has."""
+
+DRY = 'coulomb_friction'
+"""Dry friction as such, of which others are wider forms."""
 
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""
@@ -206,12 +209,15 @@ def why_idle(rung: Rung, without: Rung, key: str, duration: float) -> str:
     with it, the law may stand for any other, the more so where no amplitude is seen but in
     combination.  A further effect that is told, but lowers no error to speak of, has had its
     chance: while models are climbed to, what lowers an error by little may lead far down.  Nor may
-    it have come to what makes no sense within the `duration` of a record, s.
+    it have come to what makes no sense within the `duration` of a record, s, nor in the end leave
+    nothing of a parameter of the motor that was well known, for a gain that is no large one.
     """
     if why := senseless(rung.model, key, duration):
         return why
     gain = 100 * (1 - combined_error(rung.held, without.held))
     further = bool(without.model.effects)
+    if further and gain < SURE_GAIN and (lost := gone(rung.model, without.model)):
+        return f'{lost} {TAKES_OVER}'
     much = further or not is_seen(rung.model, key)
     least = MIN_FURTHER_GAIN_PERCENT if much else MIN_GAIN_PERCENT
     if gain < least and not is_told(rung.model, key):
@@ -234,17 +240,21 @@ def is_usual(one: Effect, model: Model) -> bool | None:
 
 
 def misfit_of_laws(
-    scored: Scored, model: Model, explained: float, outputs: Sequence[str]
+    scored: Scored, model: Model, explained: float, outputs: Sequence[str], turn: float
 ) -> float:
     """Return the gain that the misfit of a model's laws may make of a further effect.
 
     What takes the place of one of them mends its law, and what is a function of something else
     can make up for none; nor can what pushes another equation, if each has an output that tells of
     it.  Of what comes in time, only a law that reads the clock is one of time.  What depends on
-    nothing, as an offset, is right to the last detail.
+    nothing, as an offset, is right to the last detail.  `turn` is the angle that a motor of the
+    usual speed makes within a sample, rad: a wave that is `BLURRED` is alike to dry friction.
+    The share of an effect that its law may miss stands on its card.
     """
     forces = {force.name for force in model.kind.forces}
     mine = scored.variant.effect
+    order = f'{mine.key}.{mine.card.orders}'
+    blurred = bool(mine.card.orders) and scored.variant.model[order] * turn > BLURRED
 
     def argument(one: Effect) -> tuple[str, bool]:
         return one.card.axis, 't' in one.needs()
@@ -252,11 +262,16 @@ def misfit_of_laws(
     def alike(one: Effect) -> bool:
         ours, theirs = forces & set(mine.laws), forces & set(one.laws)
         apart = len(outputs) >= len(forces) and ours and theirs and not ours & theirs
-        return argument(one) == argument(mine) and not apart
+        return (argument(one) == argument(mine) or (blurred and _is_dry(one))) and not apart
 
     laws = [one for one in map(effect, model.effects) if one.needs() or not one.laws]
-    like = not scored.variant.inherits and any(map(alike, laws))
-    return FAITHFUL**2 * explained if like else 0.0
+    misfits = [one.card.misfit for one in laws if alike(one) and not scored.variant.inherits]
+    return max(misfits, default=0.0) ** 2 * explained
+
+
+def _is_dry(one: Effect) -> bool:
+    """Whether an effect is a dry friction."""
+    return DRY in (one.key, *one.card.generalises)
 
 
 def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:

@@ -14,7 +14,6 @@ from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
-    FAITHFUL,
     is_certain,
     LEAST_CERTAINTY,
     MIN_CERTAIN_GAIN_PERCENT,
@@ -26,6 +25,7 @@ from motor_sysid.diagnosis.search.rung import certainty, climb, FINER, profile_c
 from motor_sysid.diagnosis.search.trial import Ladder, ONLY_NOISE
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch.least_squares import normal_equations
+from motor_sysid.physics.effect import FAITHFUL
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales

@@ -32,7 +32,7 @@ from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes
 from motor_sysid.diagnosis.search.sense import MOMENTS_APART
 from motor_sysid.estimation.batch import Linearization, Weighting
 from motor_sysid.estimation.batch.weighting import coloured
-from motor_sysid.physics.effect import Effect
+from motor_sysid.physics.effect import Effect, Scale
 
 ONLY_NOISE = 1.02
 """Whitened variance, in units of the noise, up to which a model leaves nothing to look for."""
@@ -189,8 +189,9 @@ def judged(
     clears = level.clears(after) and not scored.variant.inherits
     deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or clears)
     mends = level.mends(after)
+    turn = bench.scales.size(Scale.ANGLE)
     inexact = max(
-        misfit_of_laws(scored, rung.model, level.explained, bench.outputs),
+        misfit_of_laws(scored, rung.model, level.explained, bench.outputs, turn),
         bench.wrong * level.cost,
     )
     threshold = max(bench.threshold, inexact)

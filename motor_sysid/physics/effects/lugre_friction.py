@@ -32,6 +32,7 @@ CARD = Card(
         'coulomb_friction': (('tau_c', 'tau_c'),),
         'stribeck_friction': (('tau_c', 'tau_c'),),
     },
+    misfit=0.05,
     hidden_by=('never_slow',),
 )  # fmt: skip
 

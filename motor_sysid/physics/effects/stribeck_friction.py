@@ -22,6 +22,7 @@ CARD = Card(
         ),
     ),
     generalises={'coulomb_friction': (('tau_c', 'tau_c'),)},
+    misfit=0.05,
     hidden_by=('constant_input', 'no_motion', 'few_speeds', 'never_slow'),
 )  # fmt: skip
 
