@@ -10,6 +10,8 @@ from concurrent.futures import ThreadPoolExecutor
 import os
 from typing import TypeVar
 
+from motor_sysid.effort import counted_by, current
+
 VARIABLES = ('OPENBLAS_NUM_THREADS', 'OMP_NUM_THREADS', 'MKL_NUM_THREADS', 'NUMBA_NUM_THREADS')
 
 WORKERS = 2
@@ -34,5 +36,11 @@ def in_threads(task: Callable[[One], Found], items: Iterable[One]) -> list[Found
     It pays where a task spends its time in numpy or in compiled code.  What numpy is told about
     errors (`numpy.errstate`) does not reach into a thread: the task says so itself.
     """
+    effort = current()
+
+    def counted(item: One) -> Found:
+        with counted_by(effort):
+            return task(item)
+
     with ThreadPoolExecutor(WORKERS) as pool:
-        return list(pool.map(task, items))
+        return list(pool.map(counted, items))

@@ -67,6 +67,11 @@ def add_question_arguments(parser: argparse.ArgumentParser) -> None:
         help='most to add (default: 4)',
     )  # fmt: skip
     parser.add_argument(
+        '--effort', type=number('--effort', 0), default=1.0, metavar='TIMES',
+        help='how long to search where nothing explains the data, in units of the usual '
+        '(default: %(default)g: a minute or two on two cores)',
+    )  # fmt: skip
+    parser.add_argument(
         '--alpha', type=number('--alpha', 0, 1), default=0.01, metavar='RATE',
         help='false-alarm rate of evidence, if `motor-sysid calibrate` has told what that takes '
         '(default: %(default)g)',
@@ -97,6 +102,7 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
             validation_fraction=args.hold_back,
             alpha=args.alpha,
             calibrations=tuple(load_calibrations(complain=_complain)),
+            effort=args.effort,
         ),
     }
     return *load_parts(args, start.k_e), asked

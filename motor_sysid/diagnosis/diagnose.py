@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest, stands_still
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
+from motor_sysid.effort import counted_by
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
@@ -36,6 +37,10 @@ _REACHING = ('speed', 'current', 'current_q', 'voltage', 'voltage_q', 'torque', 
 
 FURTHER = 1.5
 """How many times larger signals of held-out records must be, so that this is told."""
+
+CUT = (
+    'the search came to an end before every way was tried: `--effort 4` looks four times as long'
+)
 
 
 def diagnose(
@@ -99,13 +104,13 @@ def diagnose(
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic)
     nominal = nominal or {}
-    found = Engine(bench, candidates, settings, tell, nominal).run(climb(model, bench))
+    found = _searched(Engine(bench, candidates, settings, tell, nominal), model)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
         fraction = settings.validation_fraction
         shared = make_bench(records, held, kind, model, fraction, nominal, lent=True)
         shared = replace(with_scales(shared, model), threshold=bench.threshold)
-        again = Engine(shared, candidates, settings, tell, nominal).run(climb(model, shared))
+        again = _searched(Engine(shared, candidates, settings, tell, nominal), model)
         found = better_with_half_lent(found, again)
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
@@ -113,6 +118,14 @@ def diagnose(
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
     found = with_what_data_may_hide(found, odd, further)
     return with_threshold(found, threshold)
+
+
+def _searched(engine: Engine, model: Model) -> Diagnosis:
+    """Search from a model as long as the settings allow, and say so where that was an end."""
+    effort = engine.settings.effort_for(sum(map(len, engine.train_records)))
+    with counted_by(effort):
+        found = engine.run(climb(model, engine.bench))
+    return replace(found, warnings=(*found.warnings, CUT)) if effort.cut else found
 
 
 def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:

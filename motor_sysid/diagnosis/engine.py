@@ -55,7 +55,7 @@ from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
-from motor_sysid.diagnosis.verdict.evidence import step_of
+from motor_sysid.diagnosis.verdict.evidence import steps_of
 from motor_sysid.diagnosis.verdict.explain import explained
 from motor_sysid.diagnosis.verdict.left_over import left_over
 from motor_sysid.diagnosis.verdict.verdict import (
@@ -65,10 +65,10 @@ from motor_sysid.diagnosis.verdict.verdict import (
     verdict_of,
 )
 from motor_sysid.diagnosis.where.remainder import Remainder
+from motor_sysid.effort import is_spent
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
-from motor_sysid.threads import in_threads
 
 Progress = Callable[[str], None]
 Rivals = dict[str, tuple[str, ...]]
@@ -108,7 +108,8 @@ class Engine:
         ladder, rivals = self.climb([], rung)
         base, first = ladder[0]
         found = self.finish(ladder, rivals)
-        if found.verdict is not Verdict.UNKNOWN_EFFECT or self.settings.max_effects < TWO:
+        unknown = found.verdict is Verdict.UNKNOWN_EFFECT
+        if not unknown or self.settings.max_effects < TWO or is_spent():
             return found
         self.bench = bench
         pair = best_twosome(base, self.seen[state_of(base.model)][1], bench, self.tell)
@@ -137,7 +138,7 @@ class Engine:
             if ladder and ladder[-1][0].model.effects == rung.model.effects:
                 ladder.pop()  # what was added on it has proved superfluous
             ladder.append((rung, trials))
-            if len(ladder) > self.settings.max_effects:
+            if len(ladder) > self.settings.max_effects or is_spent():
                 break
             if not any(t.passes for t in trials):
                 held_back = hopeful(trials, self.bench.threshold)
@@ -243,7 +244,7 @@ class Engine:
             self.tell('the fit had gone astray: beginning again where a trial ended')
             rung = better
             trials = self.refits(self.score(better), better, base, thorough=thorough)
-        if doubtful and not any(t.passes for t in trials):
+        if doubtful and not any(t.passes for t in trials) and not is_spent():
             other, scores = self.seen_by(other)
             further = self.refits(scores, other, base, thorough=thorough)
             least = (1 - MIN_FURTHER_GAIN_PERCENT / 100) * rung.held.error_percent
@@ -287,6 +288,8 @@ class Engine:
             return None
         possible = hopeful(trials, self.bench.threshold)
         for k, first in enumerate(possible):
+            if is_spent():
+                break
             self.tell(f'looking beyond {first.scored.variant.effect.card.title}')
             new = climb(first.rung.model, self.bench, first.rung.result.weighting, briefly=True)
             fitted, further = self.round(new, base, thorough=False)
@@ -367,12 +370,7 @@ class Engine:
         if verdict is Verdict.COMPLETE and len(ladder) == 1:
             ladder = [(unbiased(final, self.bench), ladder[0][1])]
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
-        after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
-        stages = [
-            (rung, sorted(trials, key=lambda t: t.key not in added))
-            for (rung, trials), added in zip(ladder, after, strict=True)
-        ]
-        steps = tuple(in_threads(lambda stage: step_of(*stage, rivals, self.bench), stages))
+        steps = steps_of(ladder, rivals, self.bench)
         shown = steps if named else steps[:1]
         found = Diagnosis(
             verdict=verdict,

@@ -3,6 +3,12 @@
 from dataclasses import dataclass
 
 from motor_sysid.diagnosis.calibration.calibration import Calibration
+from motor_sysid.effort import Effort
+
+EFFORT, EFFORT_A_SAMPLE = 1.2e9, 2e4
+"""Steps of the integration, summed over all parameter vectors, after which a search comes to an
+end; and how many more for each sample that is fitted.  Two cores of 2.5 GHz take 20 to 40 million
+a second."""
 
 
 @dataclass(frozen=True)
@@ -21,6 +27,8 @@ class Settings:
         False-alarm rate that evidence is held to, where a calibration tells what that means.
     calibrations:
         Calibrations to choose from; see `motor_sysid.diagnosis.calibration`.
+    effort:
+        How long to search where nothing explains the data, in units of the usual effort.
     """
 
     max_effects: int = 4
@@ -28,3 +36,8 @@ class Settings:
     validation_fraction: float = 0.2
     alpha: float = 0.01
     calibrations: tuple[Calibration, ...] = ()
+    effort: float = 1.0
+
+    def effort_for(self, samples: int) -> Effort:
+        """Return the effort that a search in so many samples may take."""
+        return Effort(self.effort * (EFFORT + EFFORT_A_SAMPLE * samples))

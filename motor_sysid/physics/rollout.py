@@ -6,6 +6,7 @@ from itertools import chain, zip_longest
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.effort import count
 from motor_sysid.errors import UserError
 from motor_sysid.physics.calls import Calls, integers
 from motor_sysid.physics.drive import Drive
@@ -39,7 +40,6 @@ from motor_sysid.physics.workspace import (
 )
 
 Array = NDArray[np.float64]
-_EMPTY = np.empty(0)
 _NO_CORE = np.empty((0, 0, 0, 0))
 _NO_SUMS = np.empty((0, 3), dtype=np.int64), -1
 _ALL_THE_SAME = np.empty((3, 0), dtype=np.int64)
@@ -264,6 +264,7 @@ class Program:
             )
 
         lengths = [len(drive.inputs) for drive in drives]
+        count(size * sum(lengths) * cut[0] * cut[1])
         apart = restarts if self.memory_offsets else range(len(drives))
         few = 2 * size <= LANES or len(drives) < threads <= threads * (LANES // size)
         if few and not pushes and {0, *apart} >= set(range(len(drives))):
@@ -375,7 +376,7 @@ class Program:
             len(outputs) if lanes else len(drive.inputs),
             drive.inputs,
             workspace.late,
-            drive.told_by(self.speed_sensor).position if self.reads_angle else _EMPTY,
+            drive.told_by(self.speed_sensor).position if self.reads_angle else np.empty(0),
             0.5 * drive.count,
             places,
             np.empty((0, 2, len(self.kind.forces), LANES)) if push is None else push,

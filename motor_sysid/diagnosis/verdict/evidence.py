@@ -11,13 +11,26 @@ from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.refit import parameters_of
 from motor_sysid.diagnosis.search.rung import Rung
-from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.diagnosis.where.equation_errors import lacking_name
 from motor_sysid.diagnosis.where.unexplained import Lack, lack_of, orthogonal
 from motor_sysid.diagnosis.where.where import Failure, failure_of, mean_in
 from motor_sysid.signals.record import Record
+from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
+
+
+def steps_of(
+    ladder: Ladder, rivals: Mapping[str, tuple[str, ...]], bench: Bench
+) -> tuple[Step, ...]:
+    """Turn a ladder into lines of the report; what was added next comes first in each."""
+    after = [rung.model.effects for rung, _ in (*ladder[1:], ladder[-1])]
+    stages = [
+        (rung, sorted(trials, key=lambda t: t.key not in added))
+        for (rung, trials), added in zip(ladder, after, strict=True)
+    ]
+    return tuple(in_threads(lambda stage: step_of(*stage, rivals, bench), stages))
 
 
 def step_of(
