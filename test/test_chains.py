@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motor_sysid.estimation.batch import Problem, start_of
+from motor_sysid.estimation.batch import Problem, starts_of
 from motor_sysid.estimation.batch.chains import make_chain
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
@@ -79,8 +79,8 @@ def test_a_run_begins_at_the_speed_that_the_sensor_stands_for(shown, start):
     (left,) = problem.linearize(problem.vector(), parameters=False)
     assert np.max(np.abs(left.residual[:, 1])) < 0.5
     place = model.kind.states.index('omega')
-    begun = np.atleast_2d(start_of(model, problem.values(problem.vector()[np.newaxis]),
-                                   problem.stretches[0]))  # fmt: skip
+    table = problem.values(problem.vector()[np.newaxis])
+    begun = np.atleast_2d(starts_of(model, table, problem.stretches[:1])[0])
     truth = simulate(Model.base('brushed_dc', MOTOR), volts).outputs['speed'][start]
     assert begun[0, place] == pytest.approx(truth, abs=0.5)
 

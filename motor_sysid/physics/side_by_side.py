@@ -19,6 +19,7 @@ from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.native import LANES
 from motor_sysid.physics.threads import shared
 from motor_sysid.physics.vector import WIDTH
+from motor_sysid.physics.workspace import Workspace
 
 if TYPE_CHECKING:
     from motor_sysid.physics.rollout import Program
@@ -95,9 +96,13 @@ def run_side_by_side(
         return []
     whole = _joined(drives)
     rows = np.cumsum([0, *lengths])
+    fresh = {
+        n: program.workspace(np.tile(table, n), whole.dt, *cut) for n in {len(p) for p in packs}
+    }
 
     def one(pack: Sequence[Piece]) -> Array:
-        return _run_pack(program, table, (whole, rows), drives, states, pack, cut)
+        workspace = fresh[len(pack)].again()
+        return _run_pack(program, size, workspace, (whole, rows), drives, states, pack, cut[0])
 
     runs = list(shared(threads).map(one, packs))
     found = {
@@ -117,7 +122,11 @@ def pieces_of(lengths: Sequence[int], lanes: int, run_in: float) -> list[Piece]:
     pieces: list[Piece] = []
     wanted = max(sum(lengths) / lanes, RUN_INS * run_in, SHORTEST)
     for number, length in enumerate(lengths):
-        edges = np.linspace(0, length, max(round(length / wanted), 1) + 1).astype(int).tolist()
+        count = max(round(length / wanted), 1)
+        if count == 1:
+            pieces.append(Piece(number, 0, 0, length))
+            continue
+        edges = np.linspace(0, length, count + 1).astype(int).tolist()
         pieces += [
             Piece(number, max(a - int(run_in), 0) if a else 0, a, b) for a, b in pairwise(edges)
         ]
@@ -191,18 +200,19 @@ def _steps(packs: Sequence[Sequence[Piece]], size: int, threads: int) -> float:
 
 def _run_pack(
     program: 'Program',
-    table: Array,
+    size: int,
+    workspace: Workspace,
     joined: tuple[Drive, NDArray[np.int64]],
     drives: Sequence[Drive],
     states: Sequence[Array],
     pack: Sequence[Piece],
-    cut: tuple[int, int],
+    substeps: int,
 ) -> Array:
-    """Run pieces side by side, P lanes each; return (N, n_y, 32) outputs of the longest's length.
+    """Run pieces side by side, `size` lanes each; return (N, n_y, 32) outputs of the longest.
 
     `joined` are all drives as one and the row at which each begins.
     """
-    size, (whole, rows) = table.shape[1], joined
+    whole, rows = joined
     x, begins = np.zeros((len(program.kind.states), LANES)), np.zeros(LANES)
     places = np.zeros((3, LANES), dtype=np.int64)
     for slot, piece in enumerate(pack):
@@ -214,11 +224,10 @@ def _run_pack(
         begins[lanes] = drives[number].start + piece.first * whole.dt
     for values in (x, places, begins[np.newaxis]):
         values[:, len(pack) * size :] = values[:, :1]
-    workspace = program.workspace(np.tile(table, len(pack)), whole.dt, *cut)
     program.begin(workspace, x)
     workspace.rest()
     outputs = np.empty((len(pack[0]), len(program.outputs), LANES))
-    program.advance(workspace, x, whole, cut[0], outputs, lanes=(places, begins))
+    program.advance(workspace, x, whole, substeps, outputs, lanes=(places, begins))
     return outputs
 
 

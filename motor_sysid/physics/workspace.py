@@ -1,7 +1,7 @@
 """What the kernel works on for one block of parameter vectors."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,6 +34,10 @@ class Workspace:
     late: NDArray[np.int64]
     buffer: Array
     linear: tuple[Array, Array, Array]
+
+    def again(self) -> 'Workspace':
+        """Return one that runs the same with a memory of its own."""
+        return replace(self, buffer=self.buffer.copy())
 
     def rest(self) -> None:
         """Forget how large the laws have been: a stretch begins."""

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.calibration.controller import Controller
 from motor_sysid.diagnosis.calibration.noise import Noise, rounded
-from motor_sysid.estimation.batch import make_chain, observed_outputs, start_of
+from motor_sysid.estimation.batch import make_chain, observed_outputs, starts_of
 from motor_sysid.physics.drive import Drive, input_signals
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -88,7 +88,7 @@ class Twin:
         kind = self.model.kind
         outputs = observed_outputs(kind, [self.record])
         first = make_chain(self.record, kind, outputs)[0]
-        start: Array = np.atleast_2d(start_of(self.model, _table(self.model), first))[0]
+        start: Array = np.atleast_2d(starts_of(self.model, _table(self.model), [first])[0])[0]
         return start
 
     def _push(self, forces: dict[str, Array], count: int) -> Array:

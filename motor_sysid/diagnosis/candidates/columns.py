@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.variants import Variant
-from motor_sysid.estimation.batch import Chain, Problem, start_of
+from motor_sysid.estimation.batch import Chain, Problem, starts_of
 from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -157,7 +157,7 @@ def run_lanes(
     for chain in problem.chains:
         given = [] if pushes is None else [pushes[first + k] for k in range(len(chain))]
         runs = program.run_chain(
-            table, [s.drive for s in chain], [start_of(model, table, s) for s in chain],
+            table, [s.drive for s in chain], starts_of(model, table, chain),
             pushes=given, threads=problem.threads,
         )  # fmt: skip
         first += len(chain)
@@ -210,7 +210,7 @@ def paths_of(problem: Problem) -> list[tuple[Path, Path]]:
     paths = []
     for chain in problem.chains:
         drives = [seen_by(model, stretch.drive) for stretch in chain]
-        runs = program.run_chain(table, drives, [start_of(model, table, s) for s in chain])
+        runs = program.run_chain(table, drives, starts_of(model, table, chain))
         for drive, run in zip(drives, runs, strict=True):
             states: Path = {
                 output.state: run[:, y, 0] - (model[output.bias] if output.bias else 0.0)

@@ -18,6 +18,7 @@ from scipy.optimize import lsq_linear
 from motor_sysid.diagnosis.experiment.stage import Run, Stage
 from motor_sysid.estimation.batch import Problem
 from motor_sysid.estimation.batch.least_squares import minimize
+from motor_sysid.estimation.batch.problem import weighed
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
@@ -99,9 +100,7 @@ def projected(stage: Stage, problem: Problem, z: Array) -> tuple[Array, float]:
     Logarithms are taken for relative changes, so that a parameter can vanish; bounds hold.
     """
     gram = np.zeros((z.size + 1, z.size + 1))
-    for one in problem.linearize(z):
-        both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
-        rest = stage.weighting.removed(both, one.start)
+    for rest in weighed(problem.linearize(z), stage.weighting):
         gram += rest.T @ rest
     if not np.all(np.isfinite(gram)):
         return np.zeros(z.size), np.inf

@@ -9,13 +9,13 @@ from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.refit import METHODS, refit
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.estimation.batch.sisters import believed
-from motor_sysid.estimation.batch.starts import start_of
+from motor_sysid.estimation.batch.starts import starts_of
 from motor_sysid.estimation.batch.transfer import Transfer, transfer
 from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 
 __all__ = [
     'METHODS', 'OPTIMIZERS', 'Chain', 'FitResult', 'Linearization', 'Prior', 'Problem',
     'Transfer', 'Weighting', 'believed', 'coloured', 'fit', 'fit_and_slopes', 'fit_multistart',
-    'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search', 'start_of',
+    'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search', 'starts_of',
     'thinned', 'transfer', 'white',
 ]  # fmt: skip

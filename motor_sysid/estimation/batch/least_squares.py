@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.estimation.batch.problem import Linearization, Problem
+from motor_sysid.estimation.batch.problem import Linearization, Problem, weighed
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.estimation.batch.weighting import Weighting, white
@@ -213,7 +213,7 @@ def pose(
     problem: Problem, z: Array, near: Sequence[Linearization], weighting: Weighting
 ) -> Posed:
     """Return the normal equations of data and prior together, and what they are made of."""
-    parts = [_weighed(one, weighting) for one in near]
+    parts = weighed(near, weighting)
     gradient, curvature, cost = _summed(parts, z.size)
     if problem.prior is not None:
         gradient += problem.precision @ (problem.believed - z)
@@ -250,7 +250,7 @@ def normal_equations(
     near: Sequence[Linearization], weighting: Weighting
 ) -> tuple[Array, Array, float]:
     """Return gradient (d,), curvature (d, d) and sum of squares, initial states at their best."""
-    return _summed([_weighed(one, weighting) for one in near], near[0].slope.shape[2])
+    return _summed(weighed(near, weighting), near[0].slope.shape[2])
 
 
 def newton_step(gradient: Array, curvature: Array) -> Array:
@@ -263,12 +263,6 @@ def newton_step(gradient: Array, curvature: Array) -> Array:
     scale = np.sqrt(np.maximum(np.diag(curvature), 1e-300))
     step = np.linalg.lstsq(curvature / np.outer(scale, scale), gradient / scale, rcond=1e-10)[0]
     return np.asarray(step / scale)
-
-
-def _weighed(one: Linearization, weighting: Weighting) -> Array:
-    """Return (K, d + 1) slopes and residuals, weighed, initial states at their best."""
-    both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
-    return weighting.removed(both, one.start)
 
 
 @np.errstate(over='ignore', invalid='ignore')  # what overflows has an infinite cost

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.chains import Chain
 from motor_sysid.estimation.batch.prior import Prior
-from motor_sysid.estimation.batch.starts import start_of
+from motor_sysid.estimation.batch.starts import starts_of
 from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.model import Model
@@ -43,6 +43,14 @@ class Linearization:
     slope: Array
     start: Array
     size: Array
+
+
+def weighed(near: Sequence[Linearization], weighting: Weighting) -> list[Array]:
+    """Return (K, d + 1) slopes and residuals of each, weighed, initial states at their best."""
+    both = [
+        np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2) for one in near
+    ]
+    return weighting.removed(both, [one.start for one in near])
 
 
 class Problem:
@@ -148,7 +156,7 @@ class Problem:
         for _, group in groupby(self.chains, key=lambda chain: chain[0].drive.dt):
             chains = list(group)
             stretches = [stretch for chain in chains for stretch in chain]
-            begins = [start_of(self.model, table, stretch) for stretch in stretches]
+            begins = starts_of(self.model, table, stretches)
             runs = self.program.run_chain(
                 table,
                 [s.drive for s in stretches],
@@ -262,9 +270,10 @@ class Problem:
         `at` is a linearization near by, whose initial-state directions are used.
         """
         total = self.surprise(z)
-        for stretch, near, run in zip(self.stretches, at, self.simulate(z), strict=True):
+        free = weighting.bases([near.start for near in at])
+        for stretch, basis, run in zip(self.stretches, free, self.simulate(z), strict=True):
             with np.errstate(over='ignore', invalid='ignore'):
-                total += _costs(stretch.judged, run, near.start, weighting)
+                total += _costs(stretch.judged, run, basis, weighting)
         return np.where(np.isfinite(total), total, np.inf)
 
     def surprise(self, z: Array) -> Array:
@@ -296,12 +305,11 @@ class Problem:
         return list(zip(self.free, self.size.tolist(), strict=True))
 
 
-def _costs(measured: Array, run: Array, start: Array, weighting: Weighting) -> Array:
-    """Return (P,) sums of squares of what the (N, n_y, m) directions `start` cannot explain.
+def _costs(measured: Array, run: Array, basis: Array, weighting: Weighting) -> Array:
+    """Return (P,) sums of squares of what the (K, m) `basis` of initial states cannot explain.
 
     White errors are summed in pieces that stay in the processor's cache.
     """
-    basis = weighting.basis(start) if start.shape[2] else np.empty((0, 0))
     total, along = np.zeros(run.shape[2]), np.zeros((basis.shape[1], run.shape[2]))
     length, width = run.shape[:2]
     piece = length if weighting.whiteners else _PIECE

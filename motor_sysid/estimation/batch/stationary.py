@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
-from motor_sysid.estimation.batch.problem import Linearization
+from motor_sysid.estimation.batch.problem import Linearization, weighed
 from motor_sysid.estimation.batch.weighting import Weighting
 
 Array = NDArray[np.float64]
@@ -37,12 +37,7 @@ def stationary_scores(near: Sequence[Linearization], weighting: Weighting) -> Ar
         Noise model of the fit.
     """
     outputs, size = near[0].residual.shape[1], near[0].slope.shape[2]
-    parts = [
-        weighting.removed(
-            np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2), one.start
-        ).reshape(-1, outputs, size + 1)
-        for one in near
-    ]
+    parts = [rest.reshape(-1, outputs, size + 1) for rest in weighed(near, weighting)]
     gamma = _correlation([part[:, :, -1] for part in parts])
     total = np.zeros((size, size))
     for part in parts:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.information import Information, of_curvature
-from motor_sysid.estimation.batch.problem import Linearization, Problem
+from motor_sysid.estimation.batch.problem import Linearization, Problem, weighed
 from motor_sysid.estimation.batch.stationary import stationary_scores
 from motor_sysid.estimation.batch.weighting import Weighting
 
@@ -75,9 +75,7 @@ def scores_of(near: Sequence[Linearization], weighting: Weighting) -> Scores:
     size = near[0].slope.shape[2]
     scores, shares = [], []
     total = sum(len(one.residual) for one in near)
-    for one in near:
-        both = np.concatenate((one.slope, one.residual[:, :, np.newaxis]), axis=2)
-        rest = weighting.removed(both, one.start)
+    for one, rest in zip(near, weighed(near, weighting), strict=True):
         pieces = max(round(BLOCKS * len(one.residual) / total), 1)
         products = [part.T @ part for part in np.array_split(rest, pieces)]
         scores += [product[:size, size] for product in products]

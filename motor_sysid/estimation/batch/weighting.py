@@ -2,6 +2,8 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import groupby
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,12 +40,12 @@ class Weighting:
     sigma: Array
     whiteners: tuple[Array, ...] = field(default=())
 
-    @property
+    @cached_property
     def order(self) -> int:
         """Samples that are lost at the start of a stretch."""
         return max((w.size - 1 for w in self.whiteners), default=0)
 
-    @property
+    @cached_property
     def taps(self) -> Array:
         """The (n_y, order + 1) coefficients that whiten and weigh."""
         taps = np.zeros((self.sigma.size, self.order + 1))
@@ -83,19 +85,24 @@ class Weighting:
                 total -= along.T @ np.linalg.lstsq(free.T @ free, along, rcond=1e-12)[0]
         return total
 
-    def basis(self, directions: Array) -> Array:
-        """Return an orthonormal basis of weighed (N, n_y, m) directions, (K, m)."""
-        q, _ = np.linalg.qr(self.flat(directions))
-        return q
+    def bases(self, directions: Sequence[Array]) -> list[Array]:
+        """Return an orthonormal basis (K, m) of the weighed (N, n_y, m) directions of stretches.
 
-    def removed(self, values: Array, directions: Array) -> Array:
-        """Weigh (N, n_y, k) and take out what the (N, n_y, m) directions explain."""
-        flat = self.flat(values)
-        if directions.shape[2] == 0:
-            return flat
-        q = self.basis(directions)
-        rest: Array = flat - q @ (q.T @ flat)
-        return rest
+        Those of one shape that follow each other are found together.
+        """
+        found: list[Array] = []
+        for _, group in groupby(map(self.flat, directions), key=np.shape):
+            found += list(np.linalg.qr(np.stack(list(group)))[0])
+        return found
+
+    def removed(self, values: Sequence[Array], directions: Sequence[Array]) -> list[Array]:
+        """Weigh (N, n_y, k) of stretches, without what their (N, n_y, m) directions explain."""
+        flats = list(map(self.flat, values))
+        if not any(one.shape[2] for one in directions):
+            return flats
+        return [
+            flat - q @ (q.T @ flat) for flat, q in zip(flats, self.bases(directions), strict=True)
+        ]
 
 
 @kept(nogil=True, error_model='numpy')
