@@ -138,9 +138,11 @@ class Engine:
             if ladder and ladder[-1][0].model.effects == rung.model.effects:
                 ladder.pop()  # what was added on it has proved superfluous
             ladder.append((rung, trials))
-            if len(ladder) > self.settings.max_effects or is_spent():
+            helps = any(t.passes for t in trials)
+            tired = (len(ladder) > 1 or not helps) and is_spent()
+            if tired or len(ladder) > self.settings.max_effects:
                 break
-            if not any(t.passes for t in trials):
+            if not helps:
                 held_back = hopeful(trials, self.bench.threshold)
                 if leaves_much(rung, self.bench, RESTLESS):
                     held_back += fast_waves(trials)
