@@ -1,5 +1,7 @@
 """What later effects have made superfluous goes again, and laws wider than needed are narrowed."""
 
+from dataclasses import replace
+
 from bench_motor import a_motor, measure, records, voltage_profile
 import numpy as np
 import pytest
@@ -34,6 +36,8 @@ def test_even_friction_needs_no_law_for_each_direction():
     assert slim.model['coulomb_friction.tau_c'] == pytest.approx(TAU, rel=0.02)
     assert gains['coulomb_friction'] == 500.0
     assert said == ['coulomb_friction does in place of asymmetric_coulomb_friction']
+    asked = replace(bench, offered={'asymmetric_coulomb_friction', 'brush_voltage_drop'})
+    assert pruned(rung, asked, {}, said.append) is rung  # nobody wants to hear of the other one
 
 
 def test_what_was_added_on_a_law_that_was_too_wide_goes_with_it():

@@ -102,14 +102,15 @@ def diagnose(
     situation = situation_of(model, records, bench.outputs)
     keys = [one.key for one in candidates]
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
-    bench = replace(bench, threshold=threshold.delta_bic)
+    bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
     nominal = nominal or {}
     found = _searched(Engine(bench, candidates, settings, tell, nominal), model)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
         fraction = settings.validation_fraction
         shared = make_bench(records, held, kind, model, fraction, nominal, lent=True)
-        shared = replace(with_scales(shared, model), threshold=bench.threshold)
+        shared = with_scales(shared, model)
+        shared = replace(shared, threshold=bench.threshold, offered=bench.offered)
         again = _searched(Engine(shared, candidates, settings, tell, nominal), model)
         found = better_with_half_lent(found, again)
     notes += _passed_over(effects or (), model)

@@ -88,6 +88,8 @@ class Bench:
         is more than rounding.
     threshold:
         Gain in BIC that evidence must have.
+    offered:
+        Effects that may be named; nothing, if all may.
     notes:
         What is to be said of the data, whatever is found.
     runs:
@@ -113,6 +115,7 @@ class Bench:
     substeps: int = 1
     wrong: float = 0.0
     threshold: float = UNCALIBRATED
+    offered: Set[str] = frozenset()
     notes: tuple[str, ...] = ()
     runs: dict[Hashable, tuple[tuple[Chain, ...], Sequence[Array]]] = field(
         default_factory=dict, compare=False, repr=False

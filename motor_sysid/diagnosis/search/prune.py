@@ -75,7 +75,9 @@ def pruned(
                 rung = slim
                 continue
         for special in effect(key).card.generalises:
-            if special in rung.model.effects or not rung.model.admits(effect(special)):
+            refused = bench.offered and special not in bench.offered
+            there = special in rung.model.effects
+            if refused or there or not rung.model.admits(effect(special)):
                 continue
             model = narrowed(rung.model, key, special, bench.scales)
             slim = _simpler(rung, model, bench, FAITHFUL**2 * gains.get(key, 0.0))
