@@ -115,9 +115,8 @@ def diagnose(
         found = better_with_half_lent(found, again)
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
-    further = beyond_training(bench.train_free, bench.held_free)
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
-    found = with_what_data_may_hide(found, odd, further)
+    found = with_what_data_may_hide(found, odd, beyond_training(bench.train_free, bench.held_free))
     return with_threshold(found, threshold)
 
 
