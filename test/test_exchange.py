@@ -237,3 +237,36 @@ def test_where_the_last_fit_needs_no_effect_any_more_the_model_before_is_the_las
     ladder = [(base, []), (one, [])]
     module.Engine.settle(engine, ladder, ())
     assert ladder == [(base, [])]
+
+
+@pytest.mark.parametrize(('rise', 'left'), [(0.0, 'coulomb'), (1e-3, 'stribeck')])
+def test_a_friction_that_does_not_rise_in_the_last_fit_is_the_narrower_one(
+    monkeypatch, rise, left
+):
+    """Its size is told, that of the rise is nothing."""
+    module = import_module('motor_sysid.diagnosis.engine')
+    engine, rung = exchange_of()
+    risen = rung.model.without_effect('coulomb_friction').with_effect(
+        'stribeck_friction', {'tau_c': 6e-3, 'tau_s': rise, 'omega_s': 5.0}, engine.bench.scales
+    )
+    sure = {f'stribeck_friction.{name}': 1e-6 for name in ('tau_c', 'tau_s')}
+    told = replace(rung, result=replace(rung.result, model=risen.with_estimates({}, sure)))
+    asked = []
+    monkeypatch.setattr(module, 'exact', lambda one, bench: (one, bench))
+    monkeypatch.setattr(module, 'why_needless', lambda *_: '')
+    monkeypatch.setattr(module, 'relieved', lambda ladder, *_: ladder[-1][0])
+    monkeypatch.setattr(module, 'polish', lambda one, bench: one)
+
+    def slimmer(one, *_, **options):
+        asked.append(one)
+        return rung if one is told else one
+
+    monkeypatch.setattr(module, 'pruned', slimmer)
+    settling = SimpleNamespace(bench=engine.bench, gains={}, notes=[], tell=None)
+    settling.round = lambda slim, base: (slim, [])
+    settling.put_last = lambda *args: module.Engine.put_last(settling, *args)
+    base, _ = next(iter(engine.seen.values()))
+    ladder = [(base, []), (told, [])]
+    module.Engine.settle(settling, ladder, ())
+    assert f'{left}_friction' in ladder[-1][0].model.effects
+    assert bool(asked) is (left == 'coulomb')

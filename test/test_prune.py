@@ -8,7 +8,7 @@ import pytest
 from test_trials import prepared
 
 from motor_sysid.diagnosis.search.gates import LEAST_CERTAINTY
-from motor_sysid.diagnosis.search.prune import narrowed, numbered, pruned, relieved
+from motor_sysid.diagnosis.search.prune import numbered, pruned, relieved, special_case
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.effect import FAITHFUL
 from motor_sysid.physics.model import SpeedSensor
@@ -77,7 +77,8 @@ def test_what_no_law_has_right_is_no_evidence_against_a_special_case_that_runs_b
     bench, base = prepared(runs['uneven'], SpeedSensor.DIFFERENCE, held=runs[held])
     model = base.model.with_effect('asymmetric_coulomb_friction', uneven, bench.scales)
     rung = climb(model, bench)
-    slim = narrowed(rung.model, 'asymmetric_coulomb_friction', 'coulomb_friction', bench.scales)
+    wide, even = 'asymmetric_coulomb_friction', 'coulomb_friction'
+    slim = special_case(rung.model, wide, even, bench.scales)
     costs = [
         profile_cost(one, bench, rung.result.weighting)[0]
         for one in (climb(slim, bench, rung.result.weighting), rung)
@@ -111,7 +112,7 @@ def test_a_special_case_takes_the_place_and_the_mean_of_what_it_narrows():
     model = rung.model.with_values(
         {f'asymmetric_coulomb_friction.{name}': value for name, value in UNEVEN.items()}
     )
-    slim = narrowed(model, 'asymmetric_coulomb_friction', 'coulomb_friction', bench.scales)
+    slim = special_case(model, 'asymmetric_coulomb_friction', 'coulomb_friction', bench.scales)
     assert slim.effects == ('coulomb_friction', 'brush_voltage_drop')
     assert slim['coulomb_friction.tau_c'] == pytest.approx(TAU)
     assert slim['brush_voltage_drop.v_b'] == model['brush_voltage_drop.v_b']

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from motor_sysid.diagnosis.candidates.score import Scores
 from motor_sysid.diagnosis.experiment.next_experiment import next_experiment
+from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.confusable import Compared
@@ -49,7 +50,7 @@ from motor_sysid.diagnosis.search.rung import (
     SPOILED,
     with_better_sensor,
 )
-from motor_sysid.diagnosis.search.sense import is_nonsense
+from motor_sysid.diagnosis.search.sense import is_nonsense, narrowed
 from motor_sysid.diagnosis.search.step_ahead import fast_waves, hopeful, in_its_place, second_of
 from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
@@ -68,7 +69,6 @@ from motor_sysid.diagnosis.where.remainder import Remainder
 from motor_sysid.effort import is_spent
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
-from motor_sysid.physics.effects import effect
 
 Progress = Callable[[str], None]
 Rivals = dict[str, tuple[str, ...]]
@@ -205,7 +205,7 @@ class Engine:
         """Take back the last effect of several, and say so."""
         last = ladder.pop()[0].model.effects[-1]
         self.notes.append(
-            f'{effect(last).card.title} would explain a part of what remains, but not enough to '
+            f'{titles([last])} would explain a part of what remains, but not enough to '
             'be named: something else is missing, too'
         )
         self.settle(ladder, start)
@@ -319,10 +319,10 @@ class Engine:
             key, before = last.model.effects[-1], ladder[-2][0]
             if why := why_needless(last, before, bench):
                 ladder.pop()
-                title = effect(key).card.title
-                self.notes.append(f'{title} would explain a little more, but {why}')
+                self.notes.append(f'{titles([key])} would explain a little more, but {why}')
                 continue
-            if not all(is_told(last.model, one) for one in set(last.model.effects) - set(start)):
+            own = set(last.model.effects) - set(start)
+            if any(not is_told(last.model, one) or narrowed(last.model, one) for one in own):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)
                 if slim is not last:
                     self.put_last(slim, ladder)

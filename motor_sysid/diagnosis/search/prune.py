@@ -79,7 +79,7 @@ def pruned(
             there = special in rung.model.effects
             if refused or there or not rung.model.admits(effect(special)):
                 continue
-            model = narrowed(rung.model, key, special, bench.scales)
+            model = special_case(rung.model, key, special, bench.scales)
             slim = _simpler(rung, model, bench, FAITHFUL**2 * gains.get(key, 0.0))
             if slim is not rung:
                 tell(f'{special} does in place of {key}')
@@ -139,7 +139,7 @@ def numbered(model: Model, scales: Scales) -> Model:
     return model
 
 
-def narrowed(model: Model, key: str, special: str, scales: Scales) -> Model:
+def special_case(model: Model, key: str, special: str, scales: Scales) -> Model:
     """Return the model with a special case in the place of an effect, at like values."""
     pairs = effect(key).card.generalises[special]
     shared = {theirs for _, theirs in pairs}
