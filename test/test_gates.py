@@ -568,16 +568,20 @@ def test_a_periodic_load_comes_back_within_a_record(frequency, says):
 
 
 @pytest.mark.parametrize(
-    ('held', 'exactly', 'why'),
+    ('held', 'exactly', 'why', 'has'),
     [
-        (4.98, 4.978, TRIFLE),  # the fit before it was as good, in fine steps
-        (4.98, 5.0, ''),
-        (4.7, 4.698, ''),  # lowers it by much: the fit before it is not made again
+        (4.98, 4.978, TRIFLE, 'coulomb_friction'),  # the fit before was as good, in fine steps
+        (4.98, 5.0, '', 'coulomb_friction'),
+        (4.7, 4.698, '', 'coulomb_friction'),  # lowers it by much: that fit is not made again
+        (4.7, 4.698, TRIFLE, 'brush_voltage_drop'),  # but where the sign of the current holds it
+        (4.4, 4.398, '', 'brush_voltage_drop'),
     ],
 )
-def test_what_makes_up_for_a_fit_that_was_not_exact_is_needless(monkeypatch, held, exactly, why):
+def test_what_makes_up_for_a_fit_that_was_not_exact_is_needless(
+    monkeypatch, held, exactly, why, has
+):
     module = import_module('motor_sysid.diagnosis.search.needless')
-    old = with_effect('coulomb_friction', {'tau_c': 1e-3})
+    old = with_effect(has, {effect(has).card.amplitudes[0].name: 1e-3})
     model = old.with_effect('quadratic_drag', {'k_d': 1e-8})
     model = model.with_estimates({}, {'quadratic_drag.k_d': 1e-10})
     monkeypatch.setattr(module, 'exact', lambda rung, bench: (last_fit(old, exactly), bench))

@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.search.step_ahead import (
     second_of,
     stands,
     STEPS,
+    steps_from,
 )
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import SpeedSensor
@@ -50,6 +51,21 @@ def test_only_what_held_out_data_alone_refuse_is_looked_beyond():
     others = [trial(1e6, UNPHYSICAL), trial(1e6, ''), trial(10.0)]
     assert hopeful([third, *others, second, best], THRESHOLD) == [best, second][:STEPS]
     assert hopeful(others, THRESHOLD) == []
+
+
+@pytest.mark.parametrize(
+    ('left', 'wrong', 'error', 'made'),
+    [(1.1, 0.0, 1.0, True), (1.1, 0.1, 1.0, False), (1.0, 0.0, 0.6, False), (1.0, 0.0, 0.4, True)],
+)
+def test_from_what_is_noise_a_step_is_made_by_what_halves_the_training_error(
+    monkeypatch, left, wrong, error, made
+):
+    """Beside brushes and a step of the load, a resistance of twice the size left noise."""
+    monkeypatch.setattr(step_ahead, 'profile_cost', lambda *_: (1000.0 * left, 1000))
+    first, training = trial(9e4), SimpleNamespace(error_percent=60.0)
+    first.rung.training = SimpleNamespace(error_percent=60.0 * error)
+    bench = SimpleNamespace(threshold=THRESHOLD, wrong=wrong)
+    assert bool(steps_from(SimpleNamespace(training=training), [first], bench, None)) is made
 
 
 def test_a_friction_may_be_nothing_for_want_of_a_load():

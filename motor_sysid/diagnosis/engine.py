@@ -12,7 +12,6 @@ from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.delay_walk import walked
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
-from motor_sysid.diagnosis.search.further import RESTLESS
 from motor_sysid.diagnosis.search.gates import is_told, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.needless import why_needless
@@ -44,16 +43,14 @@ from motor_sysid.diagnosis.search.rounds import (
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
-    leaves_much,
-    profile_cost,
     Rung,
     SPOILED,
     with_better_sensor,
 )
 from motor_sysid.diagnosis.search.sense import is_nonsense, narrowed
-from motor_sysid.diagnosis.search.step_ahead import fast_waves, hopeful, in_its_place, second_of
+from motor_sysid.diagnosis.search.step_ahead import in_its_place, refused, second_of, steps_from
 from motor_sysid.diagnosis.search.strides import freed
-from motor_sysid.diagnosis.search.trial import Ladder, SURELY_MORE, Trial
+from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
 from motor_sysid.diagnosis.verdict.evidence import steps_of
@@ -143,10 +140,7 @@ class Engine:
             if tired or len(ladder) > self.settings.max_effects:
                 break
             if not helps:
-                held_back = hopeful(trials, self.bench.threshold)
-                if leaves_much(rung, self.bench, RESTLESS):
-                    held_back += fast_waves(trials)
-                finer, self.bench = asked_finer(rung, held_back, self.bench)
+                finer, self.bench = asked_finer(rung, refused(rung, trials, self.bench), self.bench)
                 if finer is not rung:
                     self.tell(f'asking again in {self.bench.substeps} steps a sample')
                     rung = finer
@@ -282,13 +276,9 @@ class Engine:
 
         What else does as well as that effect is noted in `rivals`.  Where nothing passes on top,
         but the effect does better than what was there before it, the fit with it alone is
-        returned, and nothing.  No step is made from a model that leaves nothing for certain,
-        beside what its integration does wrong.
+        returned, and nothing.
         """
-        cost, rows = profile_cost(rung, self.bench, self.weighting(rung))
-        if cost * (1.0 - self.bench.wrong) < SURELY_MORE * rows:
-            return None
-        possible = hopeful(trials, self.bench.threshold)
+        possible = steps_from(rung, trials, self.bench, self.weighting(rung))
         for k, first in enumerate(possible):
             if is_spent():
                 break

@@ -11,9 +11,11 @@ from collections.abc import Callable, Sequence
 
 from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.further import RESTLESS
 from motor_sysid.diagnosis.search.gates import (
     combined_error,
     gone,
+    HALVED,
     HELD_BACK,
     MIN_FURTHER_GAIN_PERCENT,
     MIN_STEADY,
@@ -24,8 +26,8 @@ from motor_sysid.diagnosis.search.gates import (
 )
 from motor_sysid.diagnosis.search.prune import pruned
 from motor_sysid.diagnosis.search.ranking import AT_NOISE, RIVAL_BIC, RIVAL_SHARE, winner_of
-from motor_sysid.diagnosis.search.rung import profile_cost, Rung, SPOILED
-from motor_sysid.diagnosis.search.trial import Trial
+from motor_sysid.diagnosis.search.rung import leaves_much, profile_cost, Rung, SPOILED
+from motor_sysid.diagnosis.search.trial import SURELY_MORE, Trial
 from motor_sysid.estimation.batch import Weighting
 
 STEPS = 2
@@ -40,6 +42,29 @@ def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
     sure = [t for t in trials if t.delta_bic > SURE * threshold]
     found = [t for t in sure if t.note.startswith(HELD_BACK) or t.note.endswith(TAKES_OVER)]
     return sorted(found, key=lambda t: -t.delta_bic)[:STEPS]
+
+
+def refused(rung: Rung, trials: Sequence[Trial], bench: Bench) -> list[Trial]:
+    """Return the trials that may have been refused for steps that are too coarse for them."""
+    waves = fast_waves(trials) if leaves_much(rung, bench, RESTLESS) else []
+    return hopeful(trials, bench.threshold) + waves
+
+
+def steps_from(
+    rung: Rung, trials: Sequence[Trial], bench: Bench, weighting: Weighting
+) -> list[Trial]:
+    """Return the trials from which a step is made, best first.
+
+    None is made from a model that leaves nothing for certain, beside what its integration does
+    wrong, but by what halves the training error: a noise model takes all for noise where base
+    parameters are far astray.
+    """
+    cost, rows = profile_cost(rung, bench, weighting)
+    possible = hopeful(trials, bench.threshold)
+    if cost * (1.0 - bench.wrong) < SURELY_MORE * rows:
+        least = HALVED * rung.training.error_percent
+        return [t for t in possible if t.rung.training.error_percent < least]
+    return possible
 
 
 def fast_waves(trials: Sequence[Trial]) -> list[Trial]:
