@@ -140,7 +140,8 @@ class Engine:
             if tired or len(ladder) > self.settings.max_effects:
                 break
             if not helps:
-                finer, self.bench = asked_finer(rung, refused(rung, trials, self.bench), self.bench)
+                held_back = refused(rung, trials, self.bench)
+                finer, self.bench = asked_finer(rung, held_back, self.bench)
                 if finer is not rung:
                     self.tell(f'asking again in {self.bench.substeps} steps a sample')
                     rung = finer
