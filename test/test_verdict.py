@@ -30,7 +30,7 @@ from motor_sysid.diagnosis.verdict.verdict import (
     last_goes,
     verdict_of,
 )
-from motor_sysid.diagnosis.where import remainder
+from motor_sysid.diagnosis.where import predictable
 from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -664,6 +664,10 @@ def test_waves_that_go_with_what_is_measured_are_predictable_by_their_number_per
     found = remaining(12_000, ripple, angle=angle, orders=((), (17,)))
     assert found.predictable > 0.9
     assert found.waves == (17,)
+    plain = remaining(12_000, 0.05 * current + 0.1 * slow_noise(12_000), angle=angle,
+                      orders=((), (17,)))  # fmt: skip
+    assert plain.predictable > 0.9
+    assert plain.waves == ()  # they are not what predicts it
 
 
 def test_what_comes_once_per_turn_is_predictable_by_the_angle():
@@ -681,13 +685,13 @@ def test_what_any_strength_of_the_ridge_predicts_of_other_blocks_is_no_noise(mon
     x = size[:, np.newaxis] * rng.normal(size=(4 * count, features))
     noise = rng.normal(size=(4 * count, 1))
     y = np.where(size == 1.0, x @ (np.arange(features) % 20 == 0), 0.0)[:, np.newaxis] + noise
-    both, shares = remainder._cross_validated(x, y), []
-    for ridge in remainder._RIDGES:
-        monkeypatch.setattr(remainder, '_RIDGES', (ridge,))
-        shares.append(remainder._cross_validated(x, y))
+    both, shares = predictable.cross_validated(x, y), []
+    for ridge in predictable._RIDGES:
+        monkeypatch.setattr(predictable, '_RIDGES', (ridge,))
+        shares.append(predictable.cross_validated(x, y))
     assert both == max(shares) > 0.5
     assert abs(shares[0] - shares[1]) > 1e-3
-    assert remainder._cross_validated(x, noise) < 0.01
+    assert predictable.cross_validated(x, noise) < 0.01
 
 
 # --- what training and held-out data do not agree on

@@ -6,5 +6,5 @@ read from the outputs.  In reading order: `axes`, `bands` (means with a band of 
 output error), `where` (errors along axes and on maps), `compare`; what a force that no effect of
 the catalogue explains looks like: `shapes`, `orthogonal_rows`, `free_functions`, `unknown`; and
 whether what is left is noise: `uneven_records`, `drift`, `spell`, `oscillation`,
-`other_values`, `remainder`.
+`other_values`, `predictable`, `remainder`.
 """
