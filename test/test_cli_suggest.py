@@ -82,7 +82,7 @@ def test_a_diagnosis_names_the_rivals_and_a_table_is_written(
         (['--rivals', 'coulomb_friction'], 'name at least two'),
         (['--rivals', 'witchcraft', 'none'], 'witchcraft'),
         (['--parameters', 'K'], 'no parameter `K`'),
-        (['--parameters', 'J', '--speed', '-3'], 'must be positive'),
+        (['--parameters', 'J', '--speed', '-3'], 'speed is -3 rad/s (m/s); give more than 0'),
         (['--diagnosis', '/nowhere.json'], '/nowhere.json'),
     ],
 )

@@ -93,3 +93,26 @@ def test_of_several_steps_from_rest_one_is_held_back_as_a_whole():
         assert said == ()
     train, parts, _ = parted(steps[:3], steps[3:], kind, 0.2)
     assert [share for _, share in parts] == [1.0, 1.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize('names', [('speed',), ('position',)])
+@pytest.mark.parametrize(('moves', 'left'), [(0.3, 330), (0.45, 495), (0.6, 1000)])
+def test_of_an_idle_end_that_is_longer_than_the_run_little_is_left(names, moves, left):
+    """Of 8 s of motion and 16 s of rest, what is held back were rest alone."""
+    record = moving_until(moves, names)
+    (kept_record,), _, said = parted([record], (), motors()['brushed_dc_reduced'], 0.2)
+    assert len(kept_record) == pytest.approx(left, abs=12)
+    idle = [line for line in said if 'neither the input nor the motor moves' in line]
+    assert bool(idle) is (left < 1000)
+    if idle:
+        assert f'in the last {10.0 - 0.01 * len(kept_record):.3g} s: left out' in idle[0]
+    assert parted([record], [record], motors()['brushed_dc_reduced'], 0.2)[0] == [record]
+
+
+def test_a_motor_that_is_driven_or_runs_at_one_speed_to_the_end_is_not_idle():
+    speed = np.where(TIME < 1.0, 0.0, 20.0)
+    coasting = {'voltage': np.where(TIME < 1.0, 0.0, 2.0), 'speed': speed}
+    stalled = {'voltage': 5.0 * np.sin(9 * TIME), 'speed': np.where(TIME < 1.0, 20.0, 0.0)}
+    for signals in (coasting, stalled):
+        record = Record(TIME, signals, {name: UNITS[name] for name in signals})
+        assert len(parted([record], (), motors()['brushed_dc_reduced'], 0.2)[0][0]) == 1000

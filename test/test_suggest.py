@@ -289,6 +289,6 @@ def test_limits_are_what_the_motor_has_done_unless_given(crawled) -> None:
     assert limits.travel == np.inf
     assert limits.time == 10.0
     assert replace(limits, reverse=False).widened('speed').speed == 2 * limits.speed
-    for given, word in (({'speed': -1.0}, 'positive'), ({'torque': 1.0}, 'no limit `torque`')):
+    for given, word in (({'speed': -1.0}, 'more than 0'), ({'torque': 1.0}, 'no limit `torque`')):
         with pytest.raises(UserError, match=word):
             limits_of([record], model.kind, **given)

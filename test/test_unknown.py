@@ -218,7 +218,7 @@ def test_every_shape_has_amplitude_one_at_most_on_its_axis():
         (12.0, 'rad/s', '12 rad/s'),
         (2.5e-5, 'kg m^2', '2.5e-05 kg m^2'),
         (0.02, '1', '0.02'),
-        (5000.0, 'Hz', '5e+03 Hz'),
+        (5000.0, 'Hz', '5000 Hz'),
         (1.5e-4, 's', '150 µs'),
         (0.0, 'V', '0 V'),
     ],

@@ -1,6 +1,7 @@
 """`motor-sysid suggest`: the next experiment, and what it will decide."""
 
 import argparse
+from collections.abc import Mapping
 import json
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -66,6 +67,7 @@ def run(args: argparse.Namespace) -> int:
     """Choose the experiment, print it, write what was asked for."""
     from motor_sysid.diagnosis import suggest
     from motor_sysid.diagnosis.experiment import limits_of
+    from motor_sysid.physics.drive import input_signals
 
     load_effect_files(args.effect_file)
     model = load_first_model(args)
@@ -78,7 +80,10 @@ def run(args: argparse.Namespace) -> int:
         model, records, rivals=args.rivals, diagnosis=_document(args.diagnosis),
         parameters=args.parameters, limits=limits, progress=progress(),
     )  # fmt: skip
-    print('\n'.join(summary(made)))
+    driven, linear = input_signals(records[0], model.kind)[0], 'm' in records[0].units.values()
+    way = 'm' if linear else 'rad'
+    units = {'input': records[0].units[driven], 'speed': f'{way}/s', 'current': 'A', 'travel': way}
+    print('\n'.join(summary(made, units)))
     document = {'schema': 'motor_sysid/suggest/1', 'experiment': made.to_dict()}
     write_each(
         lambda: _write_profile(made, args.out, records[0].dt),
@@ -95,6 +100,10 @@ def _write_profile(made: 'Experiment', path: Path | None, dt: float) -> None:
             made.profile, path, limits=made.limits.sizes(), note=made.summary, dt=dt
         )
         print(f'profile: {path}')
+        if path.suffix == '.csv':
+            print('note: a CSV holds the profile alone; write YAML for limits that a node keeps')
+    elif path is not None:
+        print(f'{path} is not written: there is no experiment to do')
 
 
 def _document(path: Path | None) -> dict[str, object] | None:
@@ -109,8 +118,8 @@ def _document(path: Path | None) -> dict[str, object] | None:
     return document
 
 
-def summary(made: 'Experiment') -> list[str]:
-    """Return the experiment as lines of text."""
+def summary(made: 'Experiment', units: Mapping[str, str]) -> list[str]:
+    """Return the experiment as lines of text; `units` are those of input, speed and the like."""
     from motor_sysid.diagnosis.result.figures import with_unit
 
     lines = ['', made.summary[0].upper() + made.summary[1:] + '.', *made.reasons]
@@ -118,9 +127,8 @@ def summary(made: 'Experiment') -> list[str]:
         return lines
     lines += ['', f'Do: {made.described()}.']
     if made.peaks:
-        units = {'input': '', 'speed': '', 'current': ' A', 'travel': ''}
-        peaks = ', '.join(f'{n} {v:.3g}{units[n]}' for n, v in made.peaks.items())
-        lines.append(f'Predicted peaks, worst rival: {peaks}.')
+        peaks = ', '.join(f'{n} {with_unit(v, units.get(n, ""))}' for n, v in made.peaks.items())
+        lines.append(f'Predicted peaks{", worst rival" if made.separations else ""}: {peaks}.')
     for one in made.separations:
         lines.append(f'  {" against ".join(one.rivals)}: expected dBIC {one.delta_bic:.0f}')
     for row in made.sharpenings:

@@ -84,7 +84,7 @@ class Calibration:
             (found.lower, found.upper),
             share_limits(int(np.sum(np.array(self.passing) >= level)), runs),
             beyond if beyond > 1.0 else 0.0,
-            f'Not part of it, for they are new or changed: {", ".join(new)}.' if new else '',
+            f'Not part of it, or changed since: {", ".join(new)}.' if new else '',
         )
 
     def is_for(self, model: Model, situation: Situation) -> bool:

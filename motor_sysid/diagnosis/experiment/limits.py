@@ -18,6 +18,12 @@ MARGIN = 0.9
 LONGEST = 10.0
 """Time of an experiment where the user sets no limit, s."""
 
+UNITS = {
+    'input': 'V (N m, N or A)', 'speed': 'rad/s (m/s)', 'current': 'A', 'travel': 'rad (m)',
+    'time': 's',
+}  # fmt: skip
+"""What limits are in."""
+
 
 @dataclass(frozen=True)
 class Limits:
@@ -56,7 +62,8 @@ class Limits:
         for item in fields(self):
             value = getattr(self, item.name)
             if item.name != 'reverse' and not value > 0:
-                raise UserError(f'limit of {item.name} = {value:g} must be positive')
+                unit = UNITS[item.name]
+                raise UserError(f'the limit of {item.name} is {value:g} {unit}; give more than 0')
         if not math.isfinite(self.time):
             raise UserError('an experiment needs an end; give the limit of time in s')
 

@@ -23,6 +23,10 @@ STILL, STEADY = 0.02, 0.15
 """Deviation of an input over its size, and of the speed over its deviation in the whole record,
 below which a last part shows one state and nothing of how the motor comes to it."""
 
+IDLE, AFTER = 0.02, 0.1
+"""Step of the motion over the largest one up to which a motor rests, and how much of an idle end
+is left of a record, as a share of what comes before it."""
+
 SEVERAL = 3
 """Records from which on one may be held back as a whole."""
 
@@ -33,21 +37,52 @@ def parted(
     """Return the records to fit, all with the share that is fitted, and what is to be said of it.
 
     Without validation records the last part of each is held back, see `kept`; or the last one of
-    several as a whole, if every last part is steady.
+    several as a whole, if every last part is steady.  The end of a record in which nothing moves
+    is left out if it is longer than all before it: a recorder that went on after the run.
     """
     said: tuple[str, ...] = ()
+    if not validation:
+        train, said = _without_idle_ends(train, kind)
     several = not validation and len(train) >= SEVERAL
     if several and all(_is_steady(record, kind, fraction) for record in train):
         count = max(round(fraction * len(train)), 1)
         train, validation = train[:-count], train[-count:]
         names = listed(r.provenance.source for r in validation if r.provenance.source)
-        said = (
+        said += (
             f'neither input nor speed changes in the last {fraction:.0%} of any record: what is '
             f'held back to judge on is the whole of {names or f"the last {count}"}',
         )
     parts = [(r, 1.0 if validation else kept(r, fraction)) for r in train]
     parts += [(r, 0.0) for r in validation]
-    return list(train), parts, said or (() if validation else remarks_on_held(train, fraction))
+    asked = said if several else (*said, *remarks_on_held(train, fraction))
+    return list(train), parts, said if validation else asked
+
+
+def _without_idle_ends(
+    records: Sequence[Record], kind: Motor
+) -> tuple[list[Record], tuple[str, ...]]:
+    """Return records without most of an end in which nothing moves, and what was left out."""
+    kept_rows = [_busy(record, kind) for record in records]
+    said = tuple(
+        f'{f"{r.provenance.source}: " if r.provenance.source else ""}neither the input nor the '
+        f'motor moves in the last {r.duration - r.time[n - 1] + r.time[0]:.3g} s: left out'
+        for r, n in zip(records, kept_rows, strict=True) if n < len(r)
+    )  # fmt: skip
+    pairs = zip(records, kept_rows, strict=True)
+    return [r if n == len(r) else r.slice(0, n) for r, n in pairs], said
+
+
+def _busy(record: Record, kind: Motor) -> int:
+    """Return how many rows of a record are left without an idle end; all if that is short."""
+    motion, moves = _steps(record), np.zeros(len(record), dtype=np.bool_)
+    inputs = [record[name] for name in input_signals(record, kind)]
+    for steps in (motion, *(np.diff(u, prepend=u[:1]) for u in inputs)):
+        if steps.size:
+            moves |= np.abs(steps) > IDLE * np.max(np.abs(steps))
+    if not motion.size or not np.any(moves):
+        return len(record)
+    end = int(np.flatnonzero(moves)[-1]) + 1
+    return len(record) if 2 * end > len(record) else round((1.0 + AFTER) * end)
 
 
 def _is_steady(record: Record, kind: Motor, fraction: float) -> bool:
@@ -95,10 +130,11 @@ def remarks_on_held(records: Sequence[Record], fraction: float) -> tuple[str, ..
 
 def _travel(record: Record) -> Array:
     """Return the way that the motor has made by each sample (N,), in any unit, or nothing."""
+    return np.asarray(np.cumsum(np.abs(_steps(record))))
+
+
+def _steps(record: Record) -> Array:
+    """Return the way from sample to sample (N,), in any unit, or nothing."""
     if 'position' in record:
-        steps = np.abs(np.diff(record['position'], prepend=record['position'][:1]))
-    elif 'speed' in record:
-        steps = np.abs(record['speed'])
-    else:
-        return np.empty(0)
-    return np.asarray(np.cumsum(steps))
+        return np.asarray(np.diff(record['position'], prepend=record['position'][:1]))
+    return record['speed'] if 'speed' in record else np.empty(0)

@@ -31,11 +31,11 @@ def other_names(model: Model) -> list[str]:
 
 
 def _is_there(one: Effect, model: Model) -> bool:
-    """Whether a model holds an effect under another name, or one that has just one other."""
+    """Whether a model holds an effect, or that under another name."""
     parts, there = set(one.card.sum_of), set(model.effects)
     if len(parts) == 1:
         return bool(there & {one.key, *parts}) and is_other_name(one, model)
-    return bool(parts) and parts <= there
+    return bool(parts) and (parts <= there or one.key in there)
 
 
 def _same(parts: list[str], title: str) -> str:

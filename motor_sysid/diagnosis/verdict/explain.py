@@ -71,7 +71,8 @@ def _reasons(
     else:
         lines = words.named(ladder, left, full.evidence, full.rivalries, full.unknown)
         lines += words.wrong(full.wrong_parameters)
-    last = ladder[-1].model
+    shown = full.verdict is not Verdict.UNKNOWN_EFFECT
+    last = (ladder[-1] if shown else full.steps[-1]).model
     said = last.kind.remark(last.parameters) if last.kind.remark else ''
     return [*lines, *([said] if said else []), *off_nominal(last, nominal)]
 

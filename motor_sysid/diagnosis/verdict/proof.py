@@ -64,7 +64,7 @@ def wrong_parameters(first: Step, last: Step) -> tuple[WrongParameter, ...]:
     """
     if first.train_error_percent > WILD_PERCENT:
         return ()
-    shared = {name for key in last.model.effects for name in effect(key).card.shrinks}
+    shared = _shared(last.model)
     moved = [
         wrong
         for p in last.model.parameters.free
@@ -75,12 +75,23 @@ def wrong_parameters(first: Step, last: Step) -> tuple[WrongParameter, ...]:
     return tuple(moved)
 
 
+def _shared(model: Model) -> set[str]:
+    """Return the base parameters of which a part is an effect's."""
+    return {name for key in model.effects for name in effect(key).card.shrinks}
+
+
 def off_nominal(model: Model, nominal: Mapping[str, float]) -> list[str]:
-    """Say which base parameters are far from their nominal values."""
-    lines = []
+    """Say which base parameters are far from their nominal values.
+
+    One of which a part is an effect's (an inertia that hangs on a spring) is not what a data sheet
+    means.
+    """
+    lines, shared = [], _shared(model)
     for p in model.parameters.free:
         value = nominal.get(p.name, 0.0)
-        if value > 0 and p.value > 0 and '.' not in p.name and p.name != 'b':
+        if '.' in p.name or p.name in {'b', *shared}:
+            continue
+        if value > 0 and p.value > 0:
             ratio = p.value / value
             if abs(math.log(ratio)) > math.log(1.5) and _known(p.sigma, p.value):
                 lines.append(
@@ -226,4 +237,4 @@ def _known(sigma: float | None, value: float) -> bool:
 
 
 def _times(ratio: float) -> str:
-    return f'{ratio:.2g} times'
+    return f'{ratio:.2g} times' if ratio < 99.5 else 'more than a hundred times'

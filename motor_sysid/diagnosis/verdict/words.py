@@ -43,26 +43,28 @@ def complete(step: Step, left: Remainder, spots: Sequence[BlindSpot]) -> list[st
         f'{step.validation_error_percent:.3g} %, sensor noise alone makes '
         f'{left.floor_percent:.3g} %.'
     ]
-    if left.above_floor and (left.uneven or left.predictable > STRUCTURE):
-        lines.append(
-            f'What remains above the sensor noise is below {TRIFLE_PERCENT:g} % of the signal.'
-        )
-    elif left.above_floor:
-        lines.append(
-            'What remains above the sensor noise is not predictable from the input, as random '
-            'load or drive ripple is.'
-        )
-    elif left.in_few:
-        lines.append(
-            'What remains above the sensor noise lies in one sample of a thousand, as a garbled '
-            'message does, or what the drive does between two samples.'
-        )
+    lines += _remains(left)
     if left.floor_percent > LARGE_PERCENT:
         lines.append(
             'That is much for sensors: what swings or strikes within a few samples, as play does, '
             'looks like their noise. To do: sample faster, and record the motor at rest'
         )
     return [*lines, *(f'{spot.words} {_advice(spot)}' for spot in spots if spot.effects)]
+
+
+def _remains(left: Remainder) -> list[str]:
+    """Say what is above the sensor noise and no missing physics."""
+    said = ''
+    if left.above_floor and (left.uneven or left.predictable > STRUCTURE):
+        said = f'is below {TRIFLE_PERCENT:g} % of the signal'
+    elif left.above_floor:
+        said = 'is not predictable from the input, as random load or drive ripple is'
+    elif left.in_few:
+        said = (
+            'lies in one sample of a thousand, as a garbled message does, or what the drive does '
+            'between two samples'
+        )
+    return [f'What remains above the sensor noise {said}.'] if said else []
 
 
 def unknown(
@@ -203,7 +205,7 @@ def named(
             f'noise and {_structure(left, found)}, but no effect of the catalogue explains it.'
         )
         lines += shapes(found)
-    return lines
+    return lines if left.structured else lines + _remains(left)
 
 
 def wrong(found: Sequence[WrongParameter]) -> list[str]:
@@ -258,8 +260,9 @@ def _partial(ladder: Sequence[Step]) -> list[str]:
 
 def _sizes(model: Model, keys: Sequence[str]) -> str:
     own = [
-        model.parameters[f'{key}.{a.name}'] for key in keys for a in effect(key).card.amplitudes
-    ]
+        model.parameters[f'{key}.{p.name}'] for key in keys for p in effect(key).card.parameters
+        if p in effect(key).card.amplitudes or p.name == effect(key).card.orders
+    ]  # fmt: skip
     return ', '.join(f'{p.name.partition(".")[2]} = {with_unit(p.value, p.unit)}' for p in own)
 
 

@@ -206,20 +206,26 @@ def examine_remainder(
     seen_in_waves = without is not None and told - predictable(*without) > LED
     return Remainder(
         dict(zip(outputs, noise.tolist(), strict=True)),
-        float(100 * np.sqrt(np.mean((noise / size) ** 2))),
+        _percent(noise**2, size),
         validation.error_percent,
         float(np.max(most / np.maximum(noise, 1e-300))),
         told,
         swing_of(training, held, chains),
         unevenness_of(training, held, chains, noise, differenced),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
-        float(100 * np.sqrt(np.mean((error**2 - noise**2) / size**2))),
+        _percent(error**2 - noise**2, size),
         _held_alone(_rms(training), _rms(held), noise, data, other),
         other,
         tuple(orders[1]) if seen_in_waves else (),
         training.error_percent,
         spell_of(((training, chains[0]), (held, chains[1])), ABOVE_FLOOR * noise),
     )
+
+
+def _percent(squares: Array, size: Array) -> float:
+    """Return the root of mean squares (n_y,) in percent of the outputs that are not nothing."""
+    there = size > 0.0
+    return float(100 * np.sqrt(np.mean(squares[there] / size[there] ** 2))) if any(there) else 0.0
 
 
 def _rms(comparison: Comparison) -> Array:

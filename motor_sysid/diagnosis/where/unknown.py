@@ -49,6 +49,9 @@ CATCH_ALL = 0.75
 PLAIN = 0.95
 """A shape with fewer columns is named if it explains this share."""
 
+HALF = 0.5
+"""Share of what is beyond noise from which on the best axis is named, though it is not told."""
+
 SIMPLE = 0.7
 """A shape is named if it explains this share of what a free function of the axis explains."""
 
@@ -150,6 +153,8 @@ def _drifted(
         unit, size = '%', 0.01 * abs(model[name])
     knots = np.linspace(clock.edges[0], clock.edges[-1], DRIFT_KNOTS)
     mean = sign * change / size
+    if any(p.name == name for p in model.parameters.free):
+        mean -= np.mean(mean)  # its level was fitted
     curve = Curve(clock.name, 's', f'change of {name}', unit, knots, mean, band / size)
     sure = band < 2 * np.abs(change).max()
     known = np.where(sure, mean, np.nan) if np.any(sure) else mean
@@ -234,6 +239,12 @@ def _nowhere(found: Unknown) -> str:
         return f'The {found.quantity} ({size}) is no more than sensor noise makes.'
     best = found.axes[0] if found.axes else None
     tail = f'; the best, {best.axis}, explains {100 * best.share:.0f} %' if best else ''
+    if best and best.share > HALF:
+        return (
+            f'The {found.quantity} ({size}, sensor noise makes '
+            f'{with_unit(found.noise, found.unit)}) goes most with {best.axis} '
+            f'({100 * best.share:.0f} %), but these data do not tell that for certain.'
+        )
     return (
         f'The {found.quantity} ({size}, sensor noise makes '
         f'{with_unit(found.noise, found.unit)}) is no function of any axis that was tried{tail}.'

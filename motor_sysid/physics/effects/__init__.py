@@ -95,7 +95,8 @@ def effect(key: str) -> Effect:
         return catalogue()[key]
     except KeyError:
         meant = did_you_mean(key, [*catalogue(), *LEARNED])
-        known = '' if meant else f'; known are {", ".join(catalogue())}'
+        own = 'one of your own is read with `--effect-file`, or installed as an entry point'
+        known = '' if meant else f'; known are {", ".join(catalogue())}; {own}'
         raise UserError(f'unknown effect `{key}`{meant}{known}') from None
 
 

@@ -9,6 +9,7 @@ from motor_sysid.signals.checks.common import Array, main_input, runs
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.strays import without_strays
 
 SLOW = frozenset({'temperature', 'supply_voltage', 'hall_sector'})
 """Signals that may be constant or in coarse steps without harm."""
@@ -20,7 +21,7 @@ AT_REST = 0.01
 """Share of the top speed below which a motor rests, filters of its speed and all."""
 SELDOM = 0.05
 """Share of samples that repeat the one before, below which a signal moves by noise alone."""
-AT_LIMIT = 0.005
+AT_LIMIT = 0.001
 """Share of samples at the largest value from which a signal counts as saturated."""
 
 
@@ -108,7 +109,7 @@ def _resting(name: str, record: Record, start: int, length: int) -> bool:
 
 def _saturated(name: str, record: Record) -> Iterator[Finding]:
     """Flat tops: one end of the range holds for several samples in a row, again and again."""
-    values = record[name]
+    values = without_strays(record)[name]  # one of them may lie beyond what a sensor is cut off at
     for end, limit in (('largest', np.max(values)), ('smallest', np.min(values))):
         starts, lengths = runs(values)
         at_limit = (values[starts] == limit) & (lengths >= 3)
