@@ -74,6 +74,8 @@ def test_a_diagnosis_names_the_rivals_and_a_table_is_written(
     assert re.search(r'[Ss]eparates Coulomb friction from constant load torque', said)
     assert out.read_text().startswith(('time [s],speed_reference [rad/s]', 'time [s],voltage [V]'))
     assert load_profile(out)[0].duration <= 2.0
+    assert 'a CSV holds the profile alone; write YAML for limits' in said
+    assert re.search(r'Predicted peaks, worst rival: input [\d.]+ V, speed [\d.]+ rad/s', said)
 
 
 @pytest.mark.parametrize(

@@ -105,6 +105,10 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
         replaced('voltage', lambda x: 24.0 - 0.01 * np.abs(x)),
     ),
     'clipped current': ('saturation', 'warning', replaced('current', lambda x: np.clip(x, -2, 2))),
+    'clipped current and a stray': (
+        'saturation', 'warning',
+        replaced('current', lambda x: np.where(x == x[777], 9.0, np.clip(x, -2, 2))),
+    ),
     'coarse current': ('quantization', 'warning', replaced('current', np.round)),
     'one nan': (
         'non_finite', 'error', replaced('speed', lambda x: np.where(x == x[50], np.nan, x))

@@ -187,6 +187,30 @@ def test_values_far_from_nominal_are_told():
     assert '2.1 times its nominal value' in line
 
 
+def test_an_inertia_of_which_a_part_hangs_on_a_spring_is_not_what_the_sheet_means():
+    split = fitted({'J': 2e-5}).with_effect('flexible_shaft', {'r': 1.5, 'w_a': 50.0})
+    assert off_nominal(fitted({'J': 2e-5}), {'J': 5e-5}) != []
+    assert off_nominal(split, {'J': 5e-5}) == []
+
+
+@pytest.mark.parametrize(
+    ('over', 'predictable', 'says'),
+    [(1.1, 0.0, ''), (1.5, 0.02, 'is not predictable from the input'), (1.35, 0.5, 'below 1 %')],
+)
+def test_what_remains_beside_what_is_named_is_told(over, predictable, says):
+    left = Remainder({}, 1.0, 1.0 * over, over, predictable)
+    steps = [step(fitted({}), 9.0), step(with_friction({}), over)]
+    said = words.named(steps, left, (), (), ())
+    assert (says in said[-1]) if says else said[-1].startswith('Missing')
+
+
+def test_a_wave_is_told_with_its_number_per_turn():
+    wave = {'a_1': 1e-3, 'b_1': 0.0, 'a_2': 0.0, 'b_2': 0.0, 'n': 12.0}
+    said = words._sizes(fitted({}).with_effect('cogging_torque', wave), ['cogging_torque'])
+    assert said.startswith('a_1 = 1 mN m')
+    assert said.endswith('n = 12 1/rev')
+
+
 def test_what_is_not_named_is_told_with_the_reason():
     left = Remainder({}, 1.0, 4.0, 4.0, 0.9)
 

@@ -295,6 +295,7 @@ def test_the_other_name_is_told():
     both = fitted('constant_load_torque', beside=('brush_voltage_drop', 'coulomb_friction'))
     (line,) = other_names(both)
     assert 'together are the same law as asymmetric Coulomb friction' in line
+    assert other_names(fitted('asymmetric_coulomb_friction')) == [line]
     assert other_names(fitted('coulomb_friction', beside=('gravity_load',))) == []
     for key in ('speed_sensor_offset', 'constant_load_torque'):
         (line,) = other_names(fitted(key, beside=('brush_voltage_drop',)))
