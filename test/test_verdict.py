@@ -100,7 +100,9 @@ def rung(
     ]  # fmt: skip
     return SimpleNamespace(
         model=SimpleNamespace(effects=keys, parameters=ParameterSet((b, *own))),
-        held=SimpleNamespace(error_percent=error_percent),
+        held=SimpleNamespace(
+            error_percent=error_percent, channel_percent={'speed': error_percent}
+        ),
         training=SimpleNamespace(error_percent=training),
         result=SimpleNamespace(unidentifiable=unidentifiable, undetermined=unidentifiable),
     )
@@ -358,6 +360,21 @@ def test_what_lowers_the_error_by_much_holds_its_own_against_what_does_not(gain,
 def test_nothing_added_is_complete_or_unknown():
     assert verdict(rung(1.05)) is Verdict.COMPLETE
     assert verdict(rung(4.0), left=LEFT) is Verdict.UNKNOWN_EFFECT
+
+
+@pytest.mark.parametrize(
+    ('current', 'speed', 'said'),
+    [
+        (60.0, 97.0, Verdict.INSUFFICIENT_DATA),  # the motor rests
+        (60.0, np.nan, Verdict.INSUFFICIENT_DATA),  # and not one count shows
+        (60.0, 0.5, Verdict.COMPLETE),  # a poor sensor, or a current that is held at nothing
+        (0.5, 60.0, Verdict.COMPLETE),
+    ],
+)
+def test_no_model_is_complete_where_sensors_show_their_noise(current, speed, said):
+    one = rung(60.0)
+    one.held.channel_percent = {'current': current, 'speed': speed}
+    assert verdict(one, left=Remainder({}, 59.0, 60.0, 1.05, 0.0)) is said
 
 
 @pytest.mark.parametrize(

@@ -39,6 +39,9 @@ NOTICED = 1.1
 OF_TRAINING = 0.1
 """Share of the squared training error below which what goes of it tells of nothing."""
 
+MOSTLY_NOISE = 20.0
+"""Held-out error of an output in percent from which on noise makes much of what it shows."""
+
 TOO_VAGUE = 2
 """Base parameters that may not be undetermined together, without and with what is named;
 inductance alone often is."""
@@ -155,6 +158,15 @@ def _told_in_training(base: Rung, final: Rung) -> bool:
     return before - after > max(TRIFLE_PERCENT**2, OF_TRAINING * before)
 
 
+def shows_nothing(rung: Rung) -> bool:
+    """Whether nothing that is measured is much larger than what a model leaves of it.
+
+    Of a motor that rests, sensors show their noise, and any model explains that.
+    """
+    errors = rung.held.channel_percent.values()
+    return all(not error < MOSTLY_NOISE for error in errors)
+
+
 def verdict_of(
     ladder: Sequence[tuple[Rung, list[Trial]]],
     left: Remainder,
@@ -172,7 +184,8 @@ def verdict_of(
     Of several effects none may take away less than the missing physics that is left, and none may
     leave nothing of a parameter of the motor that was well known, unless several explain all but a
     trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
-    are undetermined, what explains nearly all is named all the same.  Where something of a shape
+    are undetermined, what explains nearly all is named all the same; no model is complete where
+    sensors show their noise.  Where something of a shape
     is left, nothing is named that cannot be told from nothing, nor by a model that knows nothing.
     """
     base, final = ladder[0][0], ladder[-1][0]
@@ -183,8 +196,10 @@ def verdict_of(
     vague = min(_vague(base), _vague(final)) >= TOO_VAGUE
     if vague and not structured and (len(ladder) == 1 or explained < EXPLAINED):
         return Verdict.INSUFFICIENT_DATA
+    if len(ladder) == 1 and not structured:
+        return Verdict.INSUFFICIENT_DATA if shows_nothing(final) else Verdict.COMPLETE
     if len(ladder) == 1:
-        return Verdict.UNKNOWN_EFFECT if structured else Verdict.COMPLETE
+        return Verdict.UNKNOWN_EFFECT
     missing = min(left.predictable * after, left.beyond_percent**2)
     larger = left.predictable > FAINT and missing > before - after
     doubted = (doubted or larger) and explained < NEARLY_ALL
