@@ -63,6 +63,7 @@ def test_a_silence_ends_one_record_and_begins_another(monkeypatch: pytest.Monkey
     assert outcome.last_stamp == START + 9_998_000_000
     assert outcome.held_until == START + 9_500_000_000
     assert any('held until 13.5 s' in reason for reason in outcome.reasons)
+    assert outcome.reasons[-1].startswith('All other times count from 12.0 s')
 
 
 @pytest.mark.parametrize(('moment', 'when'), [(0.5, 8.5), (3.0, 4.0)])

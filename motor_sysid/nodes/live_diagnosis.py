@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 SECOND = 1_000_000_000
 
+NOTICED = 0.1
+"""Time by which the window begins later than the first sample, s, from which on it is told."""
+
 
 @dataclass(frozen=True)
 class Rung:
@@ -147,8 +150,12 @@ class DiagnosisJob:
         held = held_until(found.model, pieces[-1])
         moment = _moment(found.model, held.time if held else None)
         start = _start(pieces, moment)
-        words = change_in_words(found.model, held, self.offset + start)
+        later = self.offset + start
+        words = change_in_words(found.model, held, later)
         reasons = (found.reasons[0], words, *found.reasons[1:]) if words else found.reasons
+        if words and later >= NOTICED:
+            other = f'All other times count from {later:.1f} s, where the diagnosed samples begin.'
+            reasons = (*reasons, other)
         changed = None if moment is None else self._stamp(start + moment)
         outcome = self._outcome(found, reasons, pieces, changed)
         return replace(outcome, seconds=time.perf_counter() - begin)
