@@ -75,6 +75,7 @@ def test_a_diagnosis_names_the_rivals_and_a_table_is_written(
     assert out.read_text().startswith(('time [s],speed_reference [rad/s]', 'time [s],voltage [V]'))
     assert load_profile(out)[0].duration <= 2.0
     assert 'a CSV holds the profile alone; write YAML for limits' in said
+    assert ('-p kp:=' in said) is out.read_text().startswith('time [s],speed_reference')
     assert re.search(r'Predicted peaks, worst rival: input [\d.]+ V, speed [\d.]+ rad/s', said)
 
 

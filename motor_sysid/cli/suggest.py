@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Mapping
 import json
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,6 +18,7 @@ from motor_sysid.cli.reading import load_data, load_first_model
 from motor_sysid.errors import UserError
 
 if TYPE_CHECKING:
+    from motor_sysid.control.pid import PidGains
     from motor_sysid.diagnosis import Experiment
 
 HELP = 'say what to record next to separate rival effects or determine weak parameters'
@@ -97,13 +99,20 @@ def _write_profile(made: 'Experiment', path: Path | None, dt: float) -> None:
 
     if path is not None and made.profile is not None:
         save_profile(
-            made.profile, path, limits=made.limits.sizes(), note=made.summary, dt=dt
+            made.profile, path, limits=made.limits.sizes(), note=_note(made), dt=dt
         )
         print(f'profile: {path}')
         if path.suffix == '.csv':
             print('note: a CSV holds the profile alone; write YAML for limits that a node keeps')
     elif path is not None:
         print(f'{path} is not written: there is no experiment to do')
+
+
+def _note(made: 'Experiment') -> str:
+    """Return what stands above a profile in its file."""
+    gains = made.follower
+    planned = f'; planned with kp = {gains.kp:.4g}, ki = {gains.ki:.4g}' if gains else ''
+    return made.summary + planned
 
 
 def _document(path: Path | None) -> dict[str, object] | None:
@@ -118,6 +127,20 @@ def _document(path: Path | None) -> dict[str, object] | None:
     return document
 
 
+def _planned_with(gains: 'PidGains', limit: float, unit: str) -> list[str]:
+    """Say which speed controller keeps to the predicted peaks."""
+    lines = [
+        f'Planned with a PI speed controller, kp = {gains.kp:.4g} {unit} s/rad, '
+        f'ki = {gains.ki:.4g} {unit}/rad: a brisker one asks for more.'
+    ]
+    if unit == 'V' and math.isfinite(limit):
+        lines.append(
+            f'  ros2 run motor_sysid pid --ros-args -p profile:=topic -p kp:={gains.kp:.4g} '
+            f'-p ki:={gains.ki:.4g} -p voltage_limit:={limit:.4g}'
+        )
+    return lines
+
+
 def summary(made: 'Experiment', units: Mapping[str, str]) -> list[str]:
     """Return the experiment as lines of text; `units` are those of input, speed and the like."""
     from motor_sysid.diagnosis.result.figures import with_unit
@@ -129,6 +152,8 @@ def summary(made: 'Experiment', units: Mapping[str, str]) -> list[str]:
     if made.peaks:
         peaks = ', '.join(f'{n} {with_unit(v, units.get(n, ""))}' for n, v in made.peaks.items())
         lines.append(f'Predicted peaks{", worst rival" if made.separations else ""}: {peaks}.')
+    if made.follower:
+        lines += _planned_with(made.follower, made.limits.input, units['input'])
     for one in made.separations:
         lines.append(f'  {" against ".join(one.rivals)}: expected dBIC {one.delta_bic:.0f}')
     for row in made.sharpenings:

@@ -83,6 +83,12 @@ class Experiment:
     peaks: Mapping[str, float] | None = None
     controller: PidGains | None = None
 
+    @property
+    def follower(self) -> PidGains | None:
+        """The speed controller that the profile was planned with; None where it needs none."""
+        asked = self.profile is not None and self.profile.signal == SPEED
+        return self.controller if asked else None
+
     def brief(self) -> dict[str, str]:
         """Return what to do and what for, as two texts: ``profile`` and ``purpose``."""
         return {'profile': self.described() or self.summary, 'purpose': self.purpose}
@@ -122,4 +128,6 @@ class Experiment:
                 'peaks': dict(self.peaks or {}),
                 'parts': [dict(entry) for entry in part_entries(self.profile)],
             }
+        if self.follower is not None:
+            document['controller'] = {'kp': self.follower.kp, 'ki': self.follower.ki}
         return document
