@@ -109,6 +109,12 @@ def test_of_an_idle_end_that_is_longer_than_the_run_little_is_left(names, moves,
     assert parted([record], [record], motors()['brushed_dc_reduced'], 0.2)[0] == [record]
 
 
+def test_three_records_one_of_which_ends_at_rest_say_so():
+    records = [moving_until(share) for share in (1.0, 1.0, 0.7)]
+    (line,) = parted(records, (), motors()['brushed_dc_reduced'], 0.2)[2]
+    assert 'less than half of its due of the motion' in line
+
+
 def test_a_motor_that_is_driven_or_runs_at_one_speed_to_the_end_is_not_idle():
     speed = np.where(TIME < 1.0, 0.0, 20.0)
     coasting = {'voltage': np.where(TIME < 1.0, 0.0, 2.0), 'speed': speed}

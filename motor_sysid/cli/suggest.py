@@ -82,9 +82,9 @@ def run(args: argparse.Namespace) -> int:
         model, records, rivals=args.rivals, diagnosis=_document(args.diagnosis),
         parameters=args.parameters, limits=limits, progress=progress(),
     )  # fmt: skip
-    driven, linear = input_signals(records[0], model.kind)[0], 'm' in records[0].units.values()
-    way = 'm' if linear else 'rad'
-    units = {'input': records[0].units[driven], 'speed': f'{way}/s', 'current': 'A', 'travel': way}
+    first, driven = records[0], input_signals(records[0], model.kind)[0]
+    way = 'm' if {'m', 'm/s'} & set(first.units.values()) else 'rad'
+    units = {'input': first.units[driven], 'speed': f'{way}/s', 'current': 'A', 'travel': way}
     print('\n'.join(summary(made, units)))
     document = {'schema': 'motor_sysid/suggest/1', 'experiment': made.to_dict()}
     write_each(

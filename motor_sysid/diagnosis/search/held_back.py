@@ -54,8 +54,8 @@ def parted(
         )
     parts = [(r, 1.0 if validation else kept(r, fraction)) for r in train]
     parts += [(r, 0.0) for r in validation]
-    asked = said if several else (*said, *remarks_on_held(train, fraction))
-    return list(train), parts, said if validation else asked
+    more = () if validation else remarks_on_held(train, fraction)
+    return list(train), parts, (*said, *more)
 
 
 def _without_idle_ends(
