@@ -10,8 +10,6 @@ time: on a busy machine the first is the one to compare.  The ratio is wall time
 """
 
 import argparse
-from collections.abc import Iterator
-from contextlib import contextmanager
 from itertools import pairwise
 import json
 import os
@@ -124,10 +122,12 @@ def closed_loop(effects: tuple[str, ...], seconds: float, rate: float, seed: int
 def timed(record) -> dict[str, object]:  # type: ignore[no-untyped-def]
     """Diagnose once; return seconds, stages, simulated steps, and what was found."""
     from motor_sysid.diagnosis import diagnose
+    from motor_sysid.effort import counted_by, Effort
 
-    with counted() as steps:
+    effort = Effort()
+    with counted_by(effort):
         def now() -> tuple[float, float, int]:
-            return time.perf_counter(), time.process_time(), steps[0]
+            return time.perf_counter(), time.process_time(), effort.steps
 
         marks: list[tuple[str, tuple[float, float, int]]] = [('preparing', now())]
         found = diagnose([record], progress=lambda text: marks.append((text, now())))
@@ -143,25 +143,6 @@ def timed(record) -> dict[str, object]:  # type: ignore[no-untyped-def]
         'error_percent': found.steps[-1].validation_error_percent,
         'floor_percent': found.noise_floor_percent,
     }  # fmt: skip
-
-
-@contextmanager
-def counted() -> Iterator[list[int]]:
-    """Count samples times parameter vectors that are simulated inside the block."""
-    from motor_sysid.physics.rollout import Program
-
-    total, original = [0], Program.run_chain
-
-    def run_chain(self, values, drives, initials, **options):  # type: ignore[no-untyped-def]
-        lanes = max(value.size for value in values.values())
-        total[0] += lanes * sum(len(drive.inputs) for drive in drives)
-        return original(self, values, drives, initials, **options)
-
-    Program.run_chain = run_chain  # type: ignore[method-assign]
-    try:
-        yield total
-    finally:
-        Program.run_chain = original  # type: ignore[method-assign]
 
 
 def show(name: str, result: dict[str, object]) -> None:

@@ -9,9 +9,13 @@ from contextvars import ContextVar
 import math
 from threading import Lock
 
+_NOW: ContextVar['Effort | None'] = ContextVar('effort', default=None)
+
 
 class Effort:
     """Steps that a motor's integration has taken, summed over all parameter vectors.
+
+    One that is made while another counts adds to that as well.
 
     Attributes
     ----------
@@ -25,21 +29,20 @@ class Effort:
 
     def __init__(self, limit: float = math.inf) -> None:
         self.limit, self.steps, self.cut = limit, 0, False
-        self._lock = Lock()
+        self._lock, self._outer = Lock(), _NOW.get()
 
     def add(self, steps: int) -> None:
         """Count steps; may be called in any thread."""
         with self._lock:
             self.steps += steps
+        if self._outer is not None:
+            self._outer.add(steps)
 
     def is_spent(self) -> bool:
         """Whether the limit is reached; what comes after it is left out then, which is noted."""
         spent = self.steps > self.limit
         self.cut = self.cut or spent
         return spent
-
-
-_NOW: ContextVar[Effort | None] = ContextVar('effort', default=None)
 
 
 @contextmanager

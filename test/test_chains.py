@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from motor_sysid.estimation.batch import Problem, starts_of
+from motor_sysid.estimation.batch import Problem, starts_of, Weighting
 from motor_sysid.estimation.batch.chains import make_chain
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
@@ -98,3 +98,17 @@ def test_the_angle_goes_on_from_stretch_to_stretch(given):
     np.testing.assert_allclose(angle, np.cumsum(speed) * 1e-3, atol=1e-9)
     starts = [stretch.drive.start for stretch in chain]
     np.testing.assert_allclose(starts, [stretch.record.time[0] for stretch in chain], atol=1e-9)
+
+
+def test_stretches_that_are_weighed_together_are_weighed_as_each_alone():
+    """Those of one shape follow each other; another shape, and one without directions, between."""
+    rng = np.random.default_rng(3)
+    weighting = Weighting(np.array([0.5, 2.0]), (np.array([1.0, -0.4]), np.array([1.0, 0.2])))
+    sizes = [(60, 2), (60, 2), (40, 2), (60, 0), (60, 2)]
+    values = [rng.normal(size=(n, 2, 3)) for n, _ in sizes]
+    free = [rng.normal(size=(n, 2, m)) for n, m in sizes]
+    together = weighting.removed(values, free)
+    for one, direction, found in zip(values, free, together, strict=True):
+        flat, away = weighting.flat(one), weighting.flat(direction)
+        left = flat - away @ np.linalg.lstsq(away, flat, rcond=None)[0] if away.size else flat
+        assert found == pytest.approx(left, abs=1e-12)

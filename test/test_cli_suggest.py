@@ -79,6 +79,17 @@ def test_a_diagnosis_names_the_rivals_and_a_table_is_written(
     assert re.search(r'Predicted peaks, worst rival: input [\d.]+ V, speed [\d.]+ rad/s', said)
 
 
+def test_where_there_is_nothing_to_do_no_file_is_written_and_that_is_said(
+    toured: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / 'next.yaml'
+    data = [str(toured / 'linear.yaml'), str(toured / 'forward.csv')]
+    assert main(['suggest', *data, '--parameters', 'J', '--current', '1e-6', '-o', str(out)]) == 0
+    said = capsys.readouterr().out
+    assert f'{out} is not written: there is no experiment to do' in said
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(
     ('given', 'message'),
     [

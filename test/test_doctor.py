@@ -107,7 +107,7 @@ SPOILT: dict[str, tuple[str, str, Spoil]] = {
     'clipped current': ('saturation', 'warning', replaced('current', lambda x: np.clip(x, -2, 2))),
     'clipped current and a stray': (
         'saturation', 'warning',
-        replaced('current', lambda x: np.where(x == x[777], 9.0, np.clip(x, -2, 2))),
+        replaced('current', lambda x: np.where(x == x[777], 9.0, np.minimum(x, 2.0))),
     ),
     'coarse current': ('quantization', 'warning', replaced('current', np.round)),
     'one nan': (

@@ -37,6 +37,15 @@ def test_the_limit_is_noted_once_it_was_asked_for():
     assert current() is None
 
 
+def test_what_is_counted_inside_counts_outside_as_well():
+    outer = Effort()
+    with counted_by(outer):
+        with counted_by(inner := Effort()):
+            in_threads(count, (1, 2))
+        count(4)
+    assert (inner.steps, outer.steps) == (3, 7)
+
+
 def test_threads_count_for_who_started_them():
     effort = Effort()
     with counted_by(effort):

@@ -15,9 +15,9 @@ from motor_sysid.benchmark.scenarios import named_case
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result.figures import apart, with_unit
-from motor_sysid.diagnosis.result.findings import Unknown
+from motor_sysid.diagnosis.result.findings import AxisShare, Unknown
 from motor_sysid.diagnosis.where.shapes import shapes_of, standing_orders
-from motor_sysid.diagnosis.where.unknown import unknown_of
+from motor_sysid.diagnosis.where.unknown import _nowhere, unknown_of
 from motor_sysid.diagnosis.where.where import failure_of
 from motor_sysid.physics.effects import add_effect_file, catalogue
 
@@ -159,6 +159,7 @@ def test_a_parameter_over_time_is_drawn_with_its_band():
     assert (curve.quantity, curve.unit) == ('change of J', '%')
     before, after = curve.mean[curve.x < 2.3], curve.mean[curve.x > 3.8]
     assert np.mean(after) - np.mean(before) == pytest.approx(40, abs=12)
+    assert np.mean(curve.mean) == pytest.approx(0, abs=1e-9)  # its own level was fitted
     assert np.all(curve.band > 0)
 
 
@@ -179,6 +180,16 @@ def test_random_forces_live_on_no_axis():
     assert voltage.rms > 2 * voltage.noise
     assert voltage.axis == ''
     assert 'no function of any axis' in voltage.words
+
+
+@pytest.mark.parametrize(
+    ('share', 'words'),
+    [(0.3, 'is no function of any axis'), (0.86, 'goes most with current (86 %)')],
+)
+def test_what_mostly_goes_with_an_axis_is_no_function_of_none(share: float, words: str) -> None:
+    best = (AxisShare('torque', 'unexplained torque', 'N m', 'current', share, 2.6),)
+    one = Unknown('torque', 'unexplained torque', 'N m', 1e-3, 1e-4, '', 0.0, '', 0.0, '', best)
+    assert words in _nowhere(one)
 
 
 def slow(rng: np.random.Generator, count: int) -> np.ndarray:

@@ -30,7 +30,7 @@ from motor_sysid.diagnosis.verdict.verdict import (
     last_goes,
     verdict_of,
 )
-from motor_sysid.diagnosis.where import predictable
+from motor_sysid.diagnosis.where import predictable, remainder
 from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -664,6 +664,12 @@ def test_what_a_controller_answers_to_a_random_load_is_not_physics():
     assert remaining(count, load, drive, reference).predictable < 0.1
     law = load + 20 * np.convolve(reference, np.ones(50) / 50)[:count]
     assert remaining(count, law, drive, reference).predictable > 0.5
+
+
+def test_an_output_that_shows_nothing_makes_no_part_of_the_noise():
+    """The speed of a motor that rests is nothing; a share of it is no number."""
+    assert remainder._percent(np.array([0.04, 1e-6]), np.array([2.0, 0.0])) == pytest.approx(10.0)
+    assert remainder._percent(np.zeros(2), np.zeros(2)) == 0.0
 
 
 def test_a_function_of_the_motion_is_predictable():

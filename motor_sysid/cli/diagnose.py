@@ -69,7 +69,7 @@ def add_question_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         '--effort', type=number('--effort', 0), default=1.0, metavar='TIMES',
         help='how long to search where nothing explains the data, in units of the usual '
-        '(default: %(default)g: a minute or two on two cores)',
+        '(default: %(default)g: one to three minutes on two cores)',
     )  # fmt: skip
     parser.add_argument(
         '--alpha', type=number('--alpha', 0, 1), default=0.01, metavar='RATE',

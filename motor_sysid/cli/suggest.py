@@ -127,11 +127,11 @@ def _document(path: Path | None) -> dict[str, object] | None:
     return document
 
 
-def _planned_with(gains: 'PidGains', limit: float, unit: str) -> list[str]:
+def _planned_with(gains: 'PidGains', limit: float, unit: str, way: str) -> list[str]:
     """Say which speed controller keeps to the predicted peaks."""
     lines = [
-        f'Planned with a PI speed controller, kp = {gains.kp:.4g} {unit} s/rad, '
-        f'ki = {gains.ki:.4g} {unit}/rad: a brisker one asks for more.'
+        f'Planned with a PI speed controller, kp = {gains.kp:.4g} {unit} s/{way}, '
+        f'ki = {gains.ki:.4g} {unit}/{way}: a brisker one asks for more.'
     ]
     if unit == 'V' and math.isfinite(limit):
         lines.append(
@@ -153,7 +153,9 @@ def summary(made: 'Experiment', units: Mapping[str, str]) -> list[str]:
         peaks = ', '.join(f'{n} {with_unit(v, units.get(n, ""))}' for n, v in made.peaks.items())
         lines.append(f'Predicted peaks{", worst rival" if made.separations else ""}: {peaks}.')
     if made.follower:
-        lines += _planned_with(made.follower, made.limits.input, units['input'])
+        lines += _planned_with(
+            made.follower, made.limits.input, units['input'], units['travel']
+        )
     for one in made.separations:
         lines.append(f'  {" against ".join(one.rivals)}: expected dBIC {one.delta_bic:.0f}')
     for row in made.sharpenings:

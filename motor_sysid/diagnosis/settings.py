@@ -7,7 +7,7 @@ from motor_sysid.effort import Effort
 
 EFFORT, EFFORT_A_SAMPLE = 1.2e9, 2e4
 """Steps of the integration, summed over all parameter vectors, after which a search comes to an
-end; and how many more for each sample that is fitted.  Two cores of 2.5 GHz take 20 to 40 million
+end; and how many more for each sample that is fitted.  Two cores of 2.5 GHz take 15 to 50 million
 a second."""
 
 

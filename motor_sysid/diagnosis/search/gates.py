@@ -109,9 +109,6 @@ is beyond the noise that an effect takes away, for it to be believed however lit
 error that is nearly all noise; so is what takes away as much of less and leaves only noise, if it
 is no wider form of what the model has."""
 
-DRY = 'coulomb_friction'
-"""Dry friction as such, of which others are wider forms."""
-
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""
 
@@ -270,8 +267,8 @@ def misfit_of_laws(
 
 
 def _is_dry(one: Effect) -> bool:
-    """Whether an effect is a dry friction."""
-    return DRY in (one.key, *one.card.generalises)
+    """Whether a law, or one that it is a wider form of, has a sign of the speed."""
+    return any('omega_eps' in each.needs() for each in (one, *map(effect, one.card.generalises)))
 
 
 def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:
