@@ -130,6 +130,18 @@ def test_no_share_is_claimed_where_the_error_was_at_the_noise_already():
     assert 'at the sensor noise already' in one.words
 
 
+def test_an_effect_that_pays_only_beside_the_next_one_says_so():
+    """Of two effects that were found together, the first alone may raise the error."""
+    drag = tried('quadratic_drag', 'quadratic drag')
+    both = with_friction({}).with_effect('quadratic_drag')
+    raised = [*ladder(4.0, 4.4)[:1], step(with_friction({}), 4.4, (drag,)), step(both, 2.5)]
+    first, second = evidence_of(raised, records({}, ['steps'], 2.0), 2.5, {})
+    assert 'rises by 10 % (4 to 4.4 %), and falls with what was found beside it.' in first.words
+    assert 'takes away' not in first.words
+    assert 'takes away 100 % of the squared error' in second.words
+    assert 'beside it' not in second.words
+
+
 # --- wrong parameters ----------------------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.search.motor_kind import (
     is_field_lost,
     passed_over,
     remarks_on_field,
+    remarks_on_units,
     told_kind,
     used_signals,
 )
@@ -150,3 +151,31 @@ def test_where_the_field_is_lost_the_axis_alone_is_fitted() -> None:
 def test_pole_pairs_that_are_known_count(pairs: dict[str, float], lost: bool) -> None:
     assert is_field_lost(motor('pmsm'), [telemetry(0.01, 300.0)], pairs) == lost
     assert (told_kind([telemetry(0.01, 300.0)], None, pairs) == 'mechanical_axis') == lost
+
+
+def test_a_torque_constant_that_is_known_gives_an_axis_its_units() -> None:
+    """Of an axis that a current drives, the data show inertia and friction per ampere."""
+    record = telemetry(0.05, 200.0).select(['current_q', 'speed'])
+    bare = fit_model([record], motor='mechanical_axis')
+    sheet = fit_model([record], motor='mechanical_axis', nominal={'k_t': 0.05})
+    magnet = {'pole_pairs': 7.0, 'psi_f': 0.01}
+    assert any('torques are in ampere' in text for text in bare.result.warnings)
+    for model, gain in ((sheet, 0.05), (fit_model([record], nominal=magnet), 0.105)):
+        assert model.model['gain'] == pytest.approx(gain)
+        assert model.model['J'] == pytest.approx(gain * bare.model['J'], rel=1e-4)
+        assert not any('in ampere' in text for text in model.result.warnings)
+
+
+def test_a_torque_that_is_measured_needs_no_torque_constant() -> None:
+    """Nor does the voltage of a whole motor; motion that is given to a current does."""
+    moved = FULL.select(['speed', 'position'])
+    torque = moved.with_signal('torque', FULL['current'], 'N m')
+    model = fit_model([torque], nominal={'k_t': 0.05})
+    assert model.model['gain'] == 1.0
+    assert remarks_on_units(model.model.kind, [torque], {'gain': 1.0}) == ()
+    assert remarks_on_units(motor('brushed_dc'), [FULL], {'k_t': 1.0}) == ()
+    inverse = motor('inverse_axis')
+    moved = moved.with_signal('acceleration', FULL['speed'], 'rad/s^2')
+    assert '(`k_t`)' in remarks_on_units(inverse, [moved], {'k_t': 1.0})[0]
+    moved = moved.with_signal('current', FULL['current'], 'A')
+    assert inverse.start([moved], {'k_t': 0.04})['k_t'] == 0.04

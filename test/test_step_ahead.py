@@ -28,6 +28,7 @@ from motor_sysid.diagnosis.search.step_ahead import (
 )
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import SpeedSensor
+from motor_sysid.physics.motors import motor
 
 THRESHOLD = 20.0
 
@@ -39,7 +40,8 @@ def trial(delta, note=f'{TOO_LITTLE} 0.0 % only', *, error=1.0, excess=1.0, bloc
     held = SimpleNamespace(
         residuals=(noise * size,), channel_percent={'speed': float(np.sqrt(np.mean(size**2)))}
     )
-    model = SimpleNamespace(effects=(), parameters=SimpleNamespace(free=()))
+    kind = motor('brushed_dc')
+    model = SimpleNamespace(effects=(), parameters=SimpleNamespace(free=()), kind=kind)
     return SimpleNamespace(
         delta_bic=delta, note=note, rung=SimpleNamespace(held=held, model=model), excess=excess,
         gain_percent=100.0 * (1.0 - error),
@@ -105,6 +107,19 @@ def test_two_steps_must_stand_all_tests_together(second, expected):
     old = trial(0.0)
     old.rung.model.parameters = ()
     assert stands(second.rung, old.rung, second.excess) is expected
+
+
+@pytest.mark.parametrize(
+    ('kind', 'expected'),
+    [('mechanical_axis', True), ('brushed_dc', False), ('brushed_dc_reduced', False)],
+)
+def test_noise_of_a_current_that_drives_goes_through_the_motor(kind, expected):
+    """What is measured drives an axis; a voltage is what the drive was told."""
+    old, second = trial(0.0), trial(1e5, '', error=0.5, excess=1.3)
+    old.rung.model.parameters = ()
+    second.rung.model.kind = motor(kind)
+    assert stands(second.rung, old.rung, second.excess) is expected
+    assert not stands(second.rung, old.rung, 1.6)
 
 
 def test_what_held_out_data_refuse_counts_if_both_together_stand():

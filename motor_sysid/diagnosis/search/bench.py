@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
 from motor_sysid.diagnosis.search.held_back import parted
-from motor_sysid.diagnosis.search.motor_kind import remarks_on_field
+from motor_sysid.diagnosis.search.motor_kind import remarks_on_values
 from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
@@ -295,7 +295,7 @@ def make_bench(
         sensors=_sensors(train, outputs),
         begun=begun,
         blunt=_widths(kind, train),
-        notes=remarks_on_field(kind, everything, {**defaults, **values}) + said,
+        notes=remarks_on_values(kind, everything, {**defaults, **values}) + said,
     )  # fmt: skip
 
 

@@ -155,10 +155,32 @@ def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple
 
 _ALONE = (
     'the field turns on by more than a turn from sample to sample: the mechanical side is fitted '
-    'alone, with the q current as what drives it, so torques are in ampere and inertia and '
-    'friction are per torque constant. To do: for the electrical side, record faster '
+    'alone, with the q current as what drives it. To do: for the electrical side, record faster '
     '(`--motor {}` tries with these data, and takes long)'
 )
+
+
+def remarks_on_values(
+    kind: Motor, records: Sequence[Record], values: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Say what parameters tell of records: of their rate, and of the units that a fit is in."""
+    return (*remarks_on_field(kind, records, values), *remarks_on_units(kind, records, values))
+
+
+def remarks_on_units(
+    kind: Motor, records: Sequence[Record], values: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Say so where torques are in ampere: the torque constant of a current is not known."""
+    held = [p.name for p in kind.parameters if p.name in ('gain', 'k_t') and not p.free]
+    driven = {name for record in records for name in input_signals(record, kind)}
+    in_amperes = kind.currents or driven <= set(DRIVING_CURRENTS)
+    if not (held and in_amperes and values[held[0]] == 1.0):
+        return ()
+    return (
+        'the torque constant is not known, and current and motion do not tell it: torques are in '
+        'ampere, inertia and friction per torque constant. To do: name it in a data sheet '
+        f'(`--nominal`, `torque_constant_Nm_per_A`) or in the model (`{held[0]}`)',
+    )
 
 
 def remarks_on_field(

@@ -33,6 +33,10 @@ from motor_sysid.estimation.batch import Weighting
 STEPS = 2
 """Trials, best evidence first, from which a step ahead is made."""
 
+AT_NOISE_OF_DRIVE = 1.5
+"""Whitened variance, in units of the noise, that the truth may leave where a current drives an
+axis: that is measured, and its noise goes through the motor, as no noise of a sensor does."""
+
 
 def hopeful(trials: Sequence[Trial], threshold: float) -> list[Trial]:
     """Return the trials, best first, with overwhelming evidence that only held-out data refuse.
@@ -105,7 +109,9 @@ def stands(new: Rung, old: Rung, excess: float) -> bool:
     """
     gain = 100 * (1 - combined_error(new.held, old.held))
     helps = gain > MIN_FURTHER_GAIN_PERCENT and steadiness(old.held, new.held) > MIN_STEADY
-    return helps and excess < AT_NOISE and not gone(new.model, old.model)
+    driven_by_current = ('current',) in new.model.kind.inputs
+    most = AT_NOISE_OF_DRIVE if driven_by_current else AT_NOISE
+    return helps and excess < most and not gone(new.model, old.model)
 
 
 def in_its_place(

@@ -122,10 +122,11 @@ def _evidence(
     taken = f'it takes away {share:.0f} % of the squared error beyond sensor noise'
     if old < AT_NOISE * floor:
         taken = 'the error was at the sensor noise already'
+    falls = f'{taken}, and the held-out error falls' if gain >= 0 else 'the held-out error rises'
+    later = '' if gain >= 0 or after is last else ', and falls with what was found beside it'
     words = (
-        f'{found.title} ({_values(parameters)}): evidence dBIC {found.delta_bic:.3g}; {taken}, '
-        f'and the held-out error {"falls" if gain >= 0 else "rises"} by {_share(abs(gain))} % '
-        f'({" to ".join(apart(old, new))} %).'
+        f'{found.title} ({_values(parameters)}): evidence dBIC {found.delta_bic:.3g}; {falls} '
+        f'by {_share(abs(gain))} % ({" to ".join(apart(old, new))} %){later}.'
         f'{why and f" {why}"}'
     )
     return Evidence(found.effect, found.title, found.delta_bic, share, gain, parameters,

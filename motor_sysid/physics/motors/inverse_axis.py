@@ -5,10 +5,11 @@
 Position control holds a motor where it is told, whatever the torque: what it does not show in its
 motion it shows in its current.  So slow motion under position control maps cogging and friction
 over the angle, and even the standstill between steps does.  Position, speed and acceleration are
-inputs; there is no voltage.  With ``k_t`` at its given value of 1, inertia and torques are in
-amperes, for motion and current tell no more.  (The inverse dynamic model of robot identification:
-Khalil and Dombre, Modeling, Identification and Control of Robots, 2002, chapter 12; cogging by
-position: Piccoli and Yim, Anticogging, Int. J. Robotics Research 35 (2016) 148.)
+inputs; there is no voltage.  ``k_t`` stays at its given value, for motion and current tell no
+more: that of a data sheet, or 1, where inertia and torques are in amperes.  (The inverse dynamic
+model of robot identification: Khalil and Dombre, Modeling, Identification and Control of Robots,
+2002, chapter 12; cogging by position: Piccoli and Yim, Anticogging, Int. J. Robotics Research 35
+(2016) 148.)
 
 As a motor it is a current that settles in no time, `SETTLING`, at what the equation says.
 """
@@ -46,15 +47,16 @@ def matrices(values: Values) -> Matrices:
 def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, float]:
     """Read J and b from the torque balance at every sample."""
     columns, torque = [], []
+    k_t = given.get('k_t', 1.0)
     for record in records:
         ones = np.ones(len(record))
         columns.append(np.column_stack([record['acceleration'], record['speed'], ones]))
-        torque.append(given.get('k_t', 1.0) * record['current'])
+        torque.append(k_t * record['current'])
     x = np.concatenate(columns)
     scale = np.linalg.norm(x, axis=0)
     scale[scale == 0] = 1.0
     inertia, b, _ = np.linalg.lstsq(x / scale, np.concatenate(torque), rcond=1e-10)[0] / scale
-    return {'J': max(float(inertia), 1e-9), 'b': max(float(b), 1e-9)}
+    return {'J': max(float(inertia), 1e-9), 'b': max(float(b), 1e-9), 'k_t': k_t}
 
 
 def drive_torque(values: Mapping[str, float], record: Record) -> Array:

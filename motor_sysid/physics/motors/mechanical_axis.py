@@ -5,7 +5,8 @@
 
 For a linear axis read mass for ``J``, force for torque, speed and position in m/s and m.  With a
 current as input (that of a brushed motor, or the q current) the gain is the torque constant; only
-``J / gain`` and ``b / gain`` can be seen then, so the gain stays at its given value.
+``J / gain`` and ``b / gain`` can be seen then, so the gain stays at its given value: that of a
+data sheet, or 1, where torques are in ampere.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,6 +31,7 @@ from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Record
 
 INPUTS = (('torque',), ('force',), ('current',), ('current_q',))
+CURRENTS = {'current', 'current_q'}
 
 
 def matrices(values: Values) -> Matrices:
@@ -42,23 +44,35 @@ def matrices(values: Values) -> Matrices:
 
 def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, float]:
     """Read J and b from the torque balance integrated over windows."""
+    gain = _gain(records, given)
 
     def balance(record: Record, length: int) -> tuple[Array, Array]:
         dt = record.dt
-        drive = next(record[names[0]] for names in INPUTS if names[0] in record)
         angle, speed = windows(measured_speed(record), length)
-        torque = windows(drive, length)[0] * dt
+        torque = gain * windows(record[_drive(record)], length)[0] * dt
         return np.column_stack([speed, angle * dt, np.full_like(torque, dt * length)]), torque
 
     inertia, b, _ = integral_regression(records, balance)
     inertia = max(inertia, 1e-9)
-    return {'J': inertia, 'b': max(b, 1e-3 * inertia / records[0].duration)}
+    return {'J': inertia, 'b': max(b, 1e-3 * inertia / records[0].duration), 'gain': gain}
+
+
+def _drive(record: Record) -> str:
+    """Return the name of the signal that drives the axis."""
+    return next(name for (name,) in INPUTS if name in record)
+
+
+def _gain(records: Sequence[Record], given: Mapping[str, float]) -> float:
+    """Return the torque per unit of input: what is given, or the torque constant of a current."""
+    if 'gain' in given or not {_drive(record) for record in records} <= CURRENTS:
+        return given.get('gain', 1.0)
+    magnet = 1.5 * given.get('pole_pairs', 0.0) * given.get('psi_f', 0.0)
+    return given.get('k_t') or magnet or 1.0
 
 
 def drive_torque(values: Mapping[str, float], record: Record) -> Array:
     """Return gain times input, (N,) in N m or N."""
-    drive = next(record[names[0]] for names in INPUTS if names[0] in record)
-    torque: Array = values['gain'] * drive
+    torque: Array = values['gain'] * record[_drive(record)]
     return torque
 
 
