@@ -161,7 +161,7 @@ def run_lanes(
             pushes=given, threads=problem.threads,
         )  # fmt: skip
         first += len(chain)
-        results += [r[s.scored_from :] for r, s in zip(runs, chain, strict=True) if s.scored]
+        results += [s.shown(run) for run, s in zip(runs, chain, strict=True) if s.scored]
     return results
 
 

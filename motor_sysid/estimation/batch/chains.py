@@ -11,6 +11,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
+from motor_sysid.signals.flat_tops import limits_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -51,6 +52,9 @@ class Stretch:
         (n,) size of a small change of each state.
     scored_from:
         First row whose error counts; its length, where the stretch is run only for its memory.
+    limits:
+        (2, n_y) smallest and largest value that the sensor of each output can show; None where
+        none of them is known.
     """
 
     record: Record
@@ -60,6 +64,7 @@ class Stretch:
     open_states: tuple[int, ...]
     state_size: Array
     scored_from: int = 0
+    limits: Array | None = None
 
     @property
     def scored(self) -> bool:
@@ -70,6 +75,14 @@ class Stretch:
     def judged(self) -> Array:
         """The (K, n_y) measured outputs whose error counts."""
         return self.measured[self.scored_from :]
+
+    def shown(self, run: Array) -> Array:
+        """Return what sensors show where they count, of (N, n_y, P) outputs of a simulation."""
+        counts = run[self.scored_from :]
+        if self.limits is None:
+            return counts
+        low, high = self.limits[:, :, np.newaxis]
+        return np.clip(counts, low, high)
 
     def moved(self, change: Array) -> 'Stretch':
         """Return the stretch with a (K, n_y) change added to what is judged."""
@@ -132,11 +145,11 @@ def make_chain(
         every other one, the first included, counts as training data.
     """
     even = record.uniform()
-    drive = Drive.of(even, kind)
+    drive, limits = Drive.of(even, kind), _limits(even, kind, outputs)
     cut = round(train_fraction * len(even))
     if horizon is None and not lent and scored != 'train' and cut < len(even):
         judged = cut if scored == 'validate' else 0
-        return (_stretch(even, drive, 0, len(even), kind, outputs, judged),)
+        return (_stretch(even, drive, 0, len(even), kind, outputs, judged, limits),)
     parts = [
         (first, last, scored in ('all', role))
         for first, last, role in _roles(len(even), cut, lent=lent)
@@ -149,10 +162,9 @@ def make_chain(
         ahead = last - first if horizon is None else max(int(horizon / even.dt), 20)
         pieces = max(round((last - first) / ahead), 1)
         edges = np.linspace(first, last, pieces + 1).astype(int)
-        chain += [
-            _stretch(even, drive, int(a), int(b), kind, outputs, 0 if counts else int(b - a))
-            for a, b in pairwise(edges)
-        ]
+        for a, b in pairwise(edges.tolist()):
+            unscored = 0 if counts else b - a
+            chain.append(_stretch(even, drive, a, b, kind, outputs, unscored, limits))
     return tuple(chain)
 
 
@@ -201,12 +213,14 @@ def _window(
 ) -> Stretch:
     """Cut rows first to last out of a stretch, run in from a little earlier."""
     begin = max(first - _RUN_IN, 0)
-    return _stretch(stretch.record, stretch.drive, begin, last, kind, outputs, first - begin)
+    return _stretch(
+        stretch.record, stretch.drive, begin, last, kind, outputs, first - begin, stretch.limits
+    )
 
 
 def _stretch(
     even: Record, drive: Drive, first: int, last: int, kind: Motor, outputs: Sequence[str],
-    scored_from: int,
+    scored_from: int, limits: Array | None,
 ) -> Stretch:  # fmt: skip
     """Prepare rows first to last; a stretch that begins at rest starts from rest."""
     record = even.slice(first, last)
@@ -231,7 +245,18 @@ def _stretch(
         elif name in shown and shown[name] in record and not at_rest:
             state[j] = _value_at(even[shown[name]], first, coarse=coarse)
     mine = drive.part(first, last)
-    return Stretch(record, mine, measured, state, tuple(still_open), size, scored_from)
+    return Stretch(record, mine, measured, state, tuple(still_open), size, scored_from, limits)
+
+
+def _limits(record: Record, kind: Motor, outputs: Sequence[str]) -> Array | None:
+    """Return (2, n_y) limits of the sensors of currents among the outputs; None if there are none.
+
+    A speed or a position that stays where it is at most may be that of a motor at its end stop.
+    """
+    currents = {o.signal for o in kind.outputs if o.state in kind.currents}
+    beyond = (-np.inf, np.inf)
+    limits = np.array([limits_of(record[n]) if n in currents else beyond for n in outputs]).T
+    return limits if np.any(np.isfinite(limits)) else None
 
 
 def _value_at(values: Array, index: int, *, coarse: bool) -> float:

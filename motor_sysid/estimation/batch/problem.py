@@ -166,11 +166,8 @@ class Problem:
                 substeps=self.substeps,
                 threads=self.threads,
             )  # fmt: skip
-            results += [
-                run[stretch.scored_from :]
-                for run, stretch in zip(runs, stretches, strict=True)
-                if stretch.scored
-            ]
+            pairs = zip(runs, stretches, strict=True)
+            results += [stretch.shown(run) for run, stretch in pairs if stretch.scored]
         return results
 
     def in_steps(self, substeps: int, z: Array) -> 'Problem':

@@ -7,6 +7,7 @@ import numpy as np
 from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.checks.common import Array, main_input, runs
 from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.flat_tops import limits_of, share_at
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.strays import without_strays
@@ -21,8 +22,6 @@ AT_REST = 0.01
 """Share of the top speed below which a motor rests, filters of its speed and all."""
 SELDOM = 0.05
 """Share of samples that repeat the one before, below which a signal moves by noise alone."""
-AT_LIMIT = 0.001
-"""Share of samples at the largest value from which a signal counts as saturated."""
 
 
 def check(records: Sequence[Record]) -> Iterator[Finding]:
@@ -108,22 +107,20 @@ def _resting(name: str, record: Record, start: int, length: int) -> bool:
 
 
 def _saturated(name: str, record: Record) -> Iterator[Finding]:
-    """Flat tops: one end of the range holds for several samples in a row, again and again."""
-    values = without_strays(record)[name]  # one of them may lie beyond what a sensor is cut off at
-    for end, limit in (('largest', np.max(values)), ('smallest', np.min(values))):
-        starts, lengths = runs(values)
-        at_limit = (values[starts] == limit) & (lengths >= 3)
-        share = float(np.sum(lengths[at_limit])) / len(record)
-        elsewhere = np.median(lengths[values[starts] != 0]) if lengths.size > 1 else np.inf
-        if limit == 0 or share < AT_LIMIT or np.sum(at_limit) < 2 or elsewhere > 2:
+    """Flat tops: what lies beyond the range of the sensor is cut off."""
+    values = without_strays(record)[name]
+    for end, limit in zip(('smallest', 'largest'), limits_of(values), strict=True):
+        if not np.isfinite(limit):
             continue
+        share = share_at(values, limit)
         yield Finding(
             Severity.WARNING, 'saturation',
             f'{name} stays at its {end} value {limit:.5g} {record.units[name]} for {share:.1%} of '
             'the time',
-            'what lies beyond is cut off, and gains come out too small',
+            'what lies beyond is cut off: fits cut off what they predict as well, and see nothing '
+            'of the largest currents',
             'use a larger range of the sensor, or smaller inputs',
-            {'limit': float(limit), 'share': share},
+            {'limit': limit, 'share': share},
         )  # fmt: skip
 
 

@@ -1,0 +1,85 @@
+"""A current that is cut off at the end of its sensor's range costs what lies beyond, no more."""
+
+from bench_motor import records
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.fitting import fit_model
+from motor_sysid.estimation.batch.chains import make_chain, thinned
+from motor_sysid.physics.motors import motor
+from motor_sysid.signals.flat_tops import limits_of, share_at
+
+NOISE = np.random.default_rng(3).normal(size=4000)
+WAVE = 3.0 * np.sin(np.arange(4000) / 40) + 0.02 * NOISE
+STEPPED = 0.02 * np.round(WAVE / 0.02)
+NONE = (-np.inf, np.inf)
+
+
+@pytest.mark.parametrize(
+    ('values', 'expected'),
+    [
+        (np.clip(WAVE, -2.0, 2.5), (-2.0, 2.5)),
+        (np.minimum(STEPPED, 2.0), (-np.inf, 2.0)),
+        (np.where(np.arange(4000) < 200, np.minimum(WAVE, 2.9), 0.5 * WAVE), (-np.inf, 2.9)),
+        (WAVE, NONE),
+        (STEPPED, NONE),
+        (np.maximum(WAVE, 0.0), NONE),
+        (np.repeat(WAVE[::10], 10), NONE),
+        (np.round(WAVE), NONE),
+        (np.concatenate((WAVE, np.full(50, 3.2), WAVE, np.full(50, 1.0))), NONE),
+        (np.full(4000, 2.0), NONE),
+    ],
+    ids=[
+        'two ends', 'steps of a converter', 'once for long', 'within its range', 'steps',
+        'one that shows no negative ones', 'read seldom', 'coarse', 'two plateaus', 'stuck',
+    ],
+)  # fmt: skip
+def test_only_what_is_cut_off_has_limits(values: np.ndarray, expected: tuple[float, float]):
+    assert limits_of(values) == expected
+
+
+def test_share_at_a_limit_counts_several_in_a_row():
+    values = np.array([0.0, 2.0, 1.0, 2.0, 2.0, 2.0, 1.5, 2.0, 2.0, 1.0])
+    assert share_at(values, 2.0) == pytest.approx(0.3)
+    assert share_at(values, 1.0) == 0.0
+
+
+def cut_off(limit: float, effects: dict[str, dict[str, float]]):
+    """Return records whose current is cut off at a limit, A, at either end."""
+    return [
+        r.with_signal('current', np.clip(r['current'], -limit, limit), 'A')
+        for r in records(effects)
+    ]
+
+
+def test_a_stretch_shows_what_its_sensor_can_and_windows_of_it_do_so_too():
+    record = cut_off(1.0, {})[0]
+    kind = motor('brushed_dc')
+    (stretch,) = make_chain(record, kind, ('speed', 'current'))
+    run = np.full((len(record), 2, 1), 5.0)
+    assert np.all(stretch.shown(run) == [[5.0], [1.0]])
+    (window, *_), *_ = thinned([(stretch,)], kind, ('speed', 'current'), 2000)
+    assert np.array_equal(window.limits, stretch.limits)
+    (whole,) = make_chain(records({})[0], kind, ('speed', 'current'))
+    assert whole.limits is None
+    assert np.all(whole.shown(run) == 5.0)
+
+
+def test_parameters_are_those_of_the_motor_whatever_is_cut_off():
+    """A sixth of the sensor's samples are at its limit; a fit that takes them for true is off."""
+    data, motor_values = cut_off(1.0, {}), {'R': 2.1, 'k_t': 0.046, 'J': 2.6e-5}
+    assert 0.05 < share_at(data[0]['current'], 1.0) < 0.4
+    found = fit_model(data, motor='brushed_dc').model
+    for name, value in motor_values.items():
+        assert found[name] == pytest.approx(value, rel=5e-3), name
+
+
+def test_what_is_missing_is_named_behind_a_current_that_is_cut_off():
+    *train, held = cut_off(1.0, {'coulomb_friction': {'tau_c': 4e-3}})
+    found = diagnose(train, [held])
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert found.model.effects == ('coulomb_friction',)
+    low, high = (found.evidence[0].parameters['tau_c'][k] for k in (3, 4))
+    assert low < 4e-3 < high
+    assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent
