@@ -76,6 +76,54 @@ def test_a_motor_that_stays_the_same_is_said_to_hold(
         assert held_until(datasheet(), record(seed, kind, effects)) is None, (seed, kind)
 
 
+def one_after_another(*effects: dict[str, dict[str, float]]) -> Record:
+    """Return what is measured while a motor changes at 5 s, at rest."""
+    rng = np.random.default_rng(7)
+    volts = [voltage_profile('steps', 5.0, rng) for _ in effects]
+    parts = [
+        measure(a_motor(one), np.where(np.arange(v.size) > v.size - 400, 0.0, v), rng)
+        for one, v in zip(effects, volts, strict=True)
+    ]
+    first, second = ({name: part[name] for name in part} for part in parts)
+    second['position'] = second['position'] + first['position'][-1] - second['position'][0]
+    joined = {name: np.concatenate((first[name], second[name])) for name in first}
+    time = parts[0].dt * np.arange(joined['speed'].size)
+    return Record(time, joined, {name: parts[0].units[name] for name in joined})
+
+
+DRY = {'coulomb_friction': {'tau_c': 6e-3}}
+
+
+@pytest.mark.parametrize(
+    ('effects', 'told'),
+    [
+        (({}, DRY), 'then Coulomb friction came (tau_c = 0.00'),
+        ((DRY, {}), 'then Coulomb friction went (tau_c = 0.00'),
+    ],
+    ids=['a brake binds', 'a brake lets go'],
+)
+def test_dry_friction_that_comes_is_no_viscous_friction_many_times_as_large(
+    effects: tuple[dict[str, dict[str, float]], ...], told: str
+) -> None:
+    held = held_until(datasheet(), one_after_another(*effects))
+    assert held is not None
+    assert 4.6 - 0.05 < held.time < 5.3 + 0.05  # the motor rests there
+    assert next(iter(held.changed)) == 'coulomb_friction.tau_c'
+    assert max(held.changed['coulomb_friction.tau_c']) == pytest.approx(6e-3, rel=0.02)
+    assert told in change_in_words(datasheet(), held)
+    assert 'b (' not in change_in_words(datasheet(), held)
+
+
+def test_dry_friction_that_grows_is_told_by_how_much() -> None:
+    effects = DRY, {'coulomb_friction': {'tau_c': 9e-3}}
+    model = datasheet().with_effect('coulomb_friction', {'tau_c': 6e-3})
+    held = held_until(model, one_after_another(*effects))
+    assert held is not None
+    told = change_in_words(model, held)
+    assert 'coulomb_friction.tau_c (Coulomb torque)' in told
+    assert ' came' not in told
+
+
 def test_an_effect_that_sets_in_says_itself_when() -> None:
     values = {'g': 0.5, 't_on': 6.2, 'rise': 0.002}
     model = datasheet().with_effect('inertia_change', values)

@@ -14,7 +14,7 @@ from motor_sysid.estimation.residual_tests import input_dependence, ljung_box
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.store import save_model
-from motor_sysid.signals.metrics import metrics
+from motor_sysid.signals.metrics import metrics, sizes_of
 from motor_sysid.signals.record import Record
 
 
@@ -181,3 +181,12 @@ def test_the_command_line_tells_them(tmp_path, capsys):
     assert told['rank'] == told['parameters'] >= 5
     assert 0 < told['cramer_rao']['R'] < 0.05
     assert 'fit 99.' in capsys.readouterr().out
+
+
+def test_the_d_current_counts_by_the_size_of_the_whole_current():
+    """A drive holds it at zero: by its own RMS its noise is all of it."""
+    rows = [np.tile([10.0, 0.03, 4.0], (50, 1)), np.tile([-10.0, 0.03, -4.0], (70, 1))]
+    assert sizes_of(['speed', 'current_d', 'current_q'], rows) == pytest.approx(
+        [10.0, np.hypot(0.03, 4.0), np.hypot(0.03, 4.0)]
+    )
+    assert sizes_of(['speed', 'current_d', 'current'], rows) == pytest.approx([10.0, 0.03, 4.0])

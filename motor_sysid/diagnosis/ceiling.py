@@ -172,7 +172,7 @@ def _row(
     with np.errstate(over='ignore', invalid='ignore'):
         lost = np.sum(np.concatenate(list(left)) ** 2, axis=0)
         explained = 100 * (1 - lost / np.maximum(spread, 1e-300))
-        errors = channel_errors(left, measured)
+        errors = channel_errors(outputs, left, measured)
     explained = np.where(np.isfinite(explained), explained, -np.inf)
     return Explained(
         key, title, dict(zip(outputs, errors.tolist(), strict=True)),

@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.gates import HELD_BACK
 from motor_sysid.diagnosis.where.remainder import ONLY_THERE
 from motor_sysid.estimation.batch.chains import PIECE
+from motor_sysid.signals.metrics import sizes_of
 
 MOST_OF_IT = 0.5
 """Training error beyond sensor noise that an effect leaves, in units of that without it, if the
@@ -58,11 +59,12 @@ def _training_noise(found: Diagnosis) -> float:
     """Return the error that sensor noise alone makes over the training data, in percent."""
     pairs = zip(found.records, found.roles, strict=True)
     train = [record for record, role in pairs if role == 'train']
-    shares = [
-        sigma**2 / max(np.mean(np.concatenate([r[name] for r in train]) ** 2), 1e-300)
-        for name, sigma in found.noise_sigma.items()
-    ]
-    return float(100 * np.sqrt(np.mean(shares))) if shares else 0.0
+    names = list(found.noise_sigma)
+    if not names:
+        return 0.0
+    sizes = sizes_of(names, [np.column_stack([r[name] for name in names]) for r in train])
+    shares = np.array([*found.noise_sigma.values()]) / np.maximum(sizes, 1e-300)
+    return float(100 * np.sqrt(np.mean(shares**2)))
 
 
 def better_with_half_lent(found: Diagnosis, again: Diagnosis) -> Diagnosis:

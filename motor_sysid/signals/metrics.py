@@ -12,6 +12,7 @@ the next one:
 the ITAE, an integral over time: a sum of |e| times the number of samples is not one.)
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,6 +24,28 @@ Array = NDArray[np.float64]
 
 SMALL = 0.01
 """Share of the RMS of the measured values under which no relative error is taken."""
+
+
+AXES = ('current_d', 'current_q')
+"""Parts of one vector."""
+
+
+def sizes_of(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
+    """Return (n_y,) RMS of measured signals; of d and q currents that of their vector.
+
+    Field-oriented control holds the d current at zero: against its own RMS, noise is all of it.
+
+    Parameters
+    ----------
+    outputs:
+        Names of the signals.
+    measured:
+        For each stretch of data its (N, n_y) values.
+    """
+    power: Array = np.mean(np.concatenate(measured) ** 2, axis=0)
+    vector = np.isin(outputs, AXES)
+    power[vector] = np.sum(power[vector])
+    return np.sqrt(power)
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.result import Diagnosis
 from motor_sysid.errors import UserError
+from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.workbench.axis import lay_out, Stretch
 from motor_sysid.workbench.channels import Channel, channels_of, primary_of
 from motor_sysid.workbench.regimes import Bins, Grid, grid_of, regimes_of
@@ -114,17 +115,19 @@ class Bench:
 
         All outputs that are judged count alike; the RMS of it is the error that the ladder shows.
         """
-        squares: list[Array] = []
-        for name in self.diagnosis.steps[step].channel_errors:
-            errors = self.held_errors(step, name)
-            good = np.isfinite(errors)
-            if good.any():
-                records = [self.diagnosis.records[k] for k in self.held]
-                signal = np.concatenate([r.signals.get(name, np.zeros(len(r))) for r in records])
-                squares.append(errors**2 / max(np.mean(signal[good] ** 2), SMALLEST))
-        if not squares:
+        percents = self.diagnosis.steps[step].channel_errors
+        found = {n: self.held_errors(step, n) for n, p in percents.items() if not np.isnan(p)}
+        errors = {name: error for name, error in found.items() if np.isfinite(error).any()}
+        good = np.all([np.isfinite(error) for error in errors.values()], axis=0)
+        if not errors or not good.any():
             return np.full(sum(len(self.diagnosis.records[k]) for k in self.held), np.nan)
-        mean: Array = np.mean(squares, axis=0)
+        records = [self.diagnosis.records[k] for k in self.held]
+        signals = [
+            np.concatenate([r.signals.get(name, np.zeros(len(r))) for r in records])[good]
+            for name in errors
+        ]
+        sizes = np.maximum(sizes_of(list(errors), [np.column_stack(signals)]), SMALLEST)
+        mean: Array = np.mean((np.column_stack(list(errors.values())) / sizes) ** 2, axis=1)
         return np.sqrt(mean)
 
     def held_counts(self) -> Bins:

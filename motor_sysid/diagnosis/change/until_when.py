@@ -6,6 +6,9 @@ change lies, one of the two saw only one side of it.  Where the error then chang
 good, the record is cut and each side is fitted by itself; only if that explains the data much
 better than one fit (Chow's test, by BIC) has the motor changed, and the parameters that differ say
 how.  (Chow, Econometrica 28, 1960, 591-605.)
+
+What comes at once is often a brake, a seal or a bearing that binds: dry friction, which a model
+without any would tell as a viscous one many times as large.  So both sides are fitted with it too.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,6 +25,7 @@ from motor_sysid.estimation.batch.chains import observed_outputs
 from motor_sysid.estimation.batch.weighting import coloured, Weighting
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.scales import scales_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -42,6 +46,10 @@ CERTAIN, WORTH, LEAST = 4.0, 0.03, 0.1
 """A parameter has changed if it moved by so many standard deviations, by that share of its value,
 and at least a tenth as certainly as the one that changed most certainly."""
 
+DRY = 'coulomb_friction'
+NEW = 0.05
+"""Share of an amplitude that was there before, below which its effect has come (or gone)."""
+
 
 @dataclass(frozen=True)
 class Held:
@@ -58,12 +66,15 @@ class Held:
     changed:
         Parameter to its values before and after, most certain first; empty if no single one can
         be named.
+    model:
+        The model after it, with dry friction if that is what came or went; None if not known.
     """
 
     time: float
     ratio: float
     delta_bic: float
     changed: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    model: Model | None = None
 
 
 def held_until(
@@ -107,8 +118,8 @@ class _Bench:
         part = self.record.slice(first, last)
         return make_chain(part, self.model.kind, self.outputs, horizon=self._horizon)
 
-    def _fit(self, first: int, last: int) -> FitResult:
-        problem = Problem(self.model, [self._chain(first, last)], self.outputs)
+    def _fit(self, first: int, last: int, model: Model | None = None) -> FitResult:
+        problem = Problem(model or self.model, [self._chain(first, last)], self.outputs)
         return fit(problem, reweight=1, iterations=15)
 
     def _errors(self, model: Model) -> Array:
@@ -137,8 +148,8 @@ class _Bench:
         ratio = found.ratio if early else 1 / found.ratio
         return (found.index + ORDER, ratio) if ratio > MIN_RATIO else None
 
-    def _sides(self, place: int) -> tuple[FitResult, FitResult]:
-        return self._fit(0, place), self._fit(place, len(self.record))
+    def _sides(self, place: int, model: Model | None = None) -> tuple[FitResult, FitResult]:
+        return self._fit(0, place, model), self._fit(place, len(self.record), model)
 
     def _border(self, before: FitResult, after: FitResult) -> int:
         """Return the sample from which on the one model is better than the other."""
@@ -169,8 +180,31 @@ class _Bench:
         delta = one - two - len(self.model.parameters.free) * np.log(rows)
         if not (np.isfinite(delta) and delta > MIN_DELTA_BIC and gain > MIN_GAIN):
             return None
+        place, sides = self._with_friction(place, sides, weighting)
         time = float(self.record.time[place] - self.record.time[0])
-        return Held(time, ratio, float(delta), _changed(*sides))
+        return Held(time, ratio, float(delta), _changed(*sides), sides[1].model)
+
+    def _with_friction(
+        self, place: int, sides: tuple[FitResult, FitResult], weighting: Weighting
+    ) -> tuple[int, tuple[FitResult, FitResult]]:
+        """Return place and fits of both sides, with dry friction if that came or went there."""
+        dry, count = effect(DRY), len(self.record)
+        has_it = any('omega_eps' in effect(key).needs() for key in self.model.effects)
+        if has_it or not self.model.admits(dry):
+            return place, sides
+        values = self.model.parameters.values()
+        scales = scales_of(self.model.motor, values, [self.record])
+        model = self.model.with_effect(DRY, scales=scales)
+        found = self._sides(place, model)
+        costs = [
+            _cost([np.concatenate(side.residuals) for side in pair], weighting)
+            for pair in (sides, found)
+        ]
+        better = costs[0] - costs[1] - 2 * np.log(count * len(self.outputs)) > MIN_DELTA_BIC
+        if not better or f'{DRY}.{dry.card.amplitudes[0].name}' not in _changed(*found):
+            return place, sides
+        border = int(np.clip(self._border(*found), MIN_SAMPLES // 2, count - MIN_SAMPLES // 2))
+        return border, self._sides(border, model)
 
 
 def _cost(parts: Sequence[Array], weighting: Weighting) -> float:
@@ -224,7 +258,8 @@ def change_in_words(model: Model, held: Held | None, offset: float = 0.0) -> str
         return f'The model held until {when:.1f} s, then {what}{_size(model, key)}.'
     if held is None:
         return ''
-    ways = [_way(model, name, *pair) for name, pair in held.changed.items()]
+    after = held.model or model
+    ways = [_way(after, name, *pair) for name, pair in held.changed.items()]
     what = ', '.join(ways) or f'the error was {held.ratio:.2g} times as large'
     return f'The model held until {held.time + offset:.1f} s, then {what}.'
 
@@ -239,6 +274,10 @@ def _size(model: Model, key: str) -> str:
 
 def _way(model: Model, name: str, before: float, after: float) -> str:
     p = model.parameters[name]
+    if name.startswith(f'{DRY}.') and min(before, after) < NEW * max(before, after):
+        came, what = after > before, effect(DRY).card.title
+        shown = f'{name.removeprefix(DRY)[1:]} = {max(before, after):.3g} {p.unit}'
+        return f'{what} came ({shown})' if came else f'{what} went ({shown} before)'
     if p.logarithmic:
         return f'{name} ({p.description}) {100 * (after / before - 1):+.3g} %'
     return f'{name} ({p.description}) from {before:.3g} to {after:.3g} {p.unit}'

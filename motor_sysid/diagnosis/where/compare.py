@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
 from motor_sysid.estimation.batch import Chain, Problem
 from motor_sysid.physics.model import Model
+from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -25,8 +26,8 @@ class Comparison:
     error_percent:
         RMS over channels of the channel errors that are known.
     channel_percent:
-        Output to RMS error in percent of the RMS of the measured signal; NaN of a signal that
-        stands still all the time while another one moves.
+        Output to RMS error in percent of the size of the measured signal (see `sizes_of`); NaN of
+        one that stands still all the time while another one moves.
     predictions:
         For each scored stretch, output to (N,) simulated values.
     residuals:
@@ -57,7 +58,7 @@ def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
     """Return the comparison of a model whose residuals (N, n_y) over the data are known."""
     residuals, outputs = tuple(found), problem.outputs
     measured = tuple(stretch.judged for stretch in problem.stretches)
-    channel = channel_errors(residuals, measured)
+    channel = channel_errors(outputs, residuals, measured)
     moving = _moving(problem)
     channel[~moving] = np.nan
     predictions = tuple(
@@ -74,11 +75,12 @@ def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
 
 
 @np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor
-def channel_errors(residuals: Sequence[Array], measured: Sequence[Array]) -> Array:
-    """Return (n_y,) RMS errors in percent of the RMS of the measured signals."""
+def channel_errors(
+    outputs: Sequence[str], residuals: Sequence[Array], measured: Sequence[Array]
+) -> Array:
+    """Return (n_y,) RMS errors in percent of the sizes of the measured signals."""
     error = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
-    size = np.sqrt(np.mean(np.concatenate(measured) ** 2, axis=0))
-    percent: Array = 100 * error / np.maximum(size, 1e-300)
+    percent: Array = 100 * error / np.maximum(sizes_of(outputs, measured), 1e-300)
     return percent
 
 

@@ -29,6 +29,7 @@ from motor_sysid.diagnosis.where.predictable import (
 from motor_sysid.diagnosis.where.spell import Spell, spell_of
 from motor_sysid.diagnosis.where.uneven_records import but_for_few, UNEVEN, unevenness_of
 from motor_sysid.estimation.batch import Chain
+from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.noise import noise_sigmas, rounding_sigmas
 
 Array = NDArray[np.float64]
@@ -197,7 +198,7 @@ def examine_remainder(
     seen = validation.measured, validation.residuals, training.residuals
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
     rounding = rounding_sigmas([s.record for c in (*chains[0], *chains[1]) for s in c], outputs)
-    size = np.sqrt(np.mean(np.concatenate(validation.measured) ** 2, axis=0))
+    size = sizes_of(outputs, validation.measured)
     error, most = _rms(validation), but_for_few(np.concatenate(validation.residuals))
     noise = np.minimum(np.maximum(floor, rounding), error)
     data = regressions(training, held, chains, orders)

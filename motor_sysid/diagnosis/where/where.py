@@ -23,6 +23,7 @@ from motor_sysid.diagnosis.where.unexplained import (
     smoothed,
 )
 from motor_sysid.physics.model import linear_unit, Model
+from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -105,7 +106,8 @@ def errors_by(
     `errors` are measured minus simulated, output to (N,) for each record.
     """
     outputs = list(errors[0])
-    size = {n: max(_rms([r[n] for r in records]), 1e-300) for n in outputs}
+    sizes = sizes_of(outputs, [np.column_stack([r[n] for n in outputs]) for r in records])
+    size = dict(zip(outputs, np.maximum(sizes, 1e-300).tolist(), strict=True))
     sized = [n for n in outputs if any(np.any(r[n]) for r in records)] or outputs
     squared = np.concatenate([sum((e[n] / size[n]) ** 2 for n in sized) for e in errors])
     squared = np.asarray(squared, dtype=np.float64) / max(len(sized), 1)
@@ -265,7 +267,3 @@ def _errors(record: Record, predicted: Predictions) -> dict[str, Array]:
 def _smooth_square(error: Array) -> Array:
     square = error**2
     return smoothed(0.5 * (square[1:] + square[:-1]))
-
-
-def _rms(parts: Sequence[Array]) -> float:
-    return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
