@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from motor_sysid.nodes.loop import LoopNode
 
+pytest_plugins = ['workers']
+
 ROOT = Path(__file__).resolve().parent.parent
 
 # Before anything imports rclpy.  A test must never reach a real robot: whatever domain the shell
@@ -34,27 +36,8 @@ os.environ.update(
 )
 os.environ.pop('ROS_LOCALHOST_ONLY', None)
 
-LONGEST = ('live', 'test_diagnosis', 'test_real_data', 'test_calibration')
-"""Groups of tests that take a minute and more: begun last, they would leave a worker idle."""
-
 hypothesis.settings.register_profile('repeatable', derandomize=True, deadline=None)
 hypothesis.settings.load_profile('repeatable')
-
-
-@pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Give each file to one worker, and all that wait for messages to the same one; longest first.
-
-    Nodes keep their times on a machine of two cores if only one set of them runs at once.  Before
-    xdist, which reads the groups in a hook of the same name.
-    """
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group(_group(item)))
-    items.sort(key=lambda item: LONGEST.index(_group(item)) if _group(item) in LONGEST else 99)
-
-
-def _group(item: pytest.Item) -> str:
-    return 'live' if item.path.stem.startswith('test_nodes_') else item.path.stem
 
 
 def pytest_unconfigure() -> None:
