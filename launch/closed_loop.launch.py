@@ -50,6 +50,11 @@ def generate_launch_description():
                 default_value='[coulomb_friction, cogging_torque]',
                 description='effects that the motor has and its model lacks',
             ),
+            DeclareLaunchArgument(
+                'effect_files',
+                default_value="['']",
+                description='Python files with effects of your own',
+            ),
             DeclareLaunchArgument('profile', default_value='mixed', description='speed profile'),
             DeclareLaunchArgument(
                 'excite', default_value='false', description='run the node excitation, too'
@@ -72,11 +77,13 @@ def generate_launch_description():
                 'motor',
                 rate=argument('rate', float),
                 # launch knows List[str], not list[str]
+                effect_files=argument('effect_files', List[str]),  # noqa: UP006
                 hidden_effects=argument('hidden_effects', List[str]),  # noqa: UP006
             ),
             node(
                 'identifier',
                 estimator=argument('estimator', str),
+                effect_files=argument('effect_files', List[str]),  # noqa: UP006
                 refit_period=argument('refit_period', float),
                 diagnose_period=argument('diagnose_period', float),
             ),

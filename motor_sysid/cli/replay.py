@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from motor_sysid.cli.common import add_json_argument
+from motor_sysid.cli.common import add_effect_file_argument, add_json_argument, load_effect_files
 from motor_sysid.cli.output import new_file, write_each, write_json, write_text
 from motor_sysid.errors import UserError
 
@@ -30,6 +30,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         '--node', default='identifier', metavar='NAME',
         help='recorded identifier, with its namespace where there are several: left/identifier',
     )  # fmt: skip
+    add_effect_file_argument(parser)
     parser.add_argument('--csv', type=new_file, help='write every estimate to this file')
     add_json_argument(parser)
 
@@ -40,6 +41,7 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.nodes.topics import DEFAULT_CONFIG
     from motor_sysid.recording import load_msg_config
 
+    load_effect_files(args.effect_file)
     config = load_msg_config(args.msg_config) if args.msg_config else DEFAULT_CONFIG
     result = replay(args.bag, _configuration(args), config, args.node)
     _print(result)

@@ -99,7 +99,7 @@ class IdentifierNode(LoopNode):
         self._pipeline: Pipeline | None = None
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()
-        self._work = LongWork(self.get_logger())
+        self._work = LongWork(self.get_logger(), s.effect_files)
         self._next_look, self._doubt = 0.0, ''
         self._advertise()
         self._publish_model(now_ns(self.get_clock()))

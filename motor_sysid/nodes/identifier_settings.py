@@ -8,6 +8,7 @@ from motor_sysid.estimation.online import ESTIMATORS
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.hidden import parse_assignments
+from motor_sysid.nodes.own_effects import add_effect_files
 from motor_sysid.nodes.parameters import as_path, parameter
 from motor_sysid.nodes.topics import DEFAULT_CONFIG, sources_of
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -40,6 +41,10 @@ class IdentifierSettings:
     effects: tuple[str, ...] = parameter(
         (), 'Effects that the model has, by key; empty at the start: those of the model_file.',
         live=True,
+    )  # fmt: skip
+    effect_files: tuple[str, ...] = parameter(
+        (), 'Python files with effects of your own (docs/effects.md); each key is the name of its '
+        'file.',
     )  # fmt: skip
     speed_sensor: str = parameter(
         'difference', 'How the drive measures speed, where there is no model_file: as the '
@@ -107,6 +112,7 @@ class IdentifierSettings:
 
     def model(self) -> Model:
         """Return the model to start from."""
+        add_effect_files(self.effect_files)
         if self.model_file:
             if self.nominal:
                 raise UserError('give `model_file` or `nominal`, not both')

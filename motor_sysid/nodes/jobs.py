@@ -1,6 +1,6 @@
 """Which long work is wanted, and which is done: one job of each kind may wait for the worker."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from motor_sysid.nodes.worker import Done, Job, Worker
 
@@ -11,14 +11,19 @@ Make = Callable[[], Job | None]
 class Jobs:
     """A queue in front of the worker.
 
+    Parameters
+    ----------
+    effect_files:
+        The user's own effects; see `Worker`.
+
     Attributes
     ----------
     running:
         Kind of the job that is being worked on; empty if there is none.
     """
 
-    def __init__(self) -> None:
-        self._worker = Worker()
+    def __init__(self, effect_files: Sequence[str] = ()) -> None:
+        self._worker = Worker(effect_files)
         self._waiting: dict[str, Make] = {}
         self.running = ''
 

@@ -1,5 +1,6 @@
 """Refits and diagnoses of an identifier: when they are due, what goes in, what came out."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -41,6 +42,8 @@ class LongWork:
     ----------
     logger:
         Is told what failed.
+    effect_files:
+        The user's own effects; see `Worker`.
 
     Attributes
     ----------
@@ -48,8 +51,8 @@ class LongWork:
         The last refit and the last diagnosis; None before any.
     """
 
-    def __init__(self, logger: Logger) -> None:
-        self._logger, self._jobs = logger, Jobs()
+    def __init__(self, logger: Logger, effect_files: Sequence[str] = ()) -> None:
+        self._logger, self._jobs = logger, Jobs(effect_files)
         self._due = dict.fromkeys((REFIT, DIAGNOSIS), 0)
         self._seen = 0
         self.fitted: RefitOutcome | None = None

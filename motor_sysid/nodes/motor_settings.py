@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from motor_sysid.errors import UserError
 from motor_sysid.nodes.hidden import parse_assignments, scales_of_drive, with_hidden
+from motor_sysid.nodes.own_effects import add_effect_files
 from motor_sysid.nodes.parameters import parameter
 from motor_sysid.nodes.plants.base import Setup
 from motor_sysid.nodes.sensors import SensorSettings
@@ -49,6 +50,10 @@ class MotorSettings:
     )
     J: float = parameter(5e-5, 'Inertia of rotor and load.', 'kg m^2', 1e-9, 100)
     b: float = parameter(2e-5, 'Viscous friction.', 'N m s/rad', 1e-12, 100)
+    effect_files: tuple[str, ...] = parameter(
+        (), 'Python files with effects of your own (docs/effects.md); each key is the name of its '
+        'file.',
+    )  # fmt: skip
     hidden_effects: tuple[str, ...] = parameter(
         (), 'Effects that the motor has and its model lacks, by key.', live=True
     )
@@ -101,6 +106,7 @@ class MotorSettings:
 
     def model(self) -> Model:
         """Return the plant with its hidden effects."""
+        add_effect_files(self.effect_files)
         base = self.base()
         scales = scales_of_drive(base, self.supply_voltage, 1 / self.rate)
         given = parse_assignments(self.hidden_parameters)

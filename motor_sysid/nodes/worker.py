@@ -1,5 +1,6 @@
 """Long work in one process of its own, so that the node keeps up with its topics meanwhile."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 import multiprocessing
 from multiprocessing.connection import Connection
@@ -11,6 +12,7 @@ import traceback
 from typing import Protocol
 
 from motor_sysid.errors import UserError
+from motor_sysid.nodes.own_effects import add_effect_files
 
 NICENESS = 10
 """The worker gives way to the nodes."""
@@ -49,9 +51,15 @@ class Worker:
     """One process that works on one job at a time.
 
     Sending a job may have to wait until the process has started, so a thread does it.
+
+    Parameters
+    ----------
+    effect_files:
+        The user's own effects, which are added to the catalogue of that process, too.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, effect_files: Sequence[str] = ()) -> None:
+        self._effect_files = tuple(effect_files)
         self._process: multiprocessing.process.BaseProcess | None = None
         self._thread: threading.Thread | None = None
         self._done: Done | None = None
@@ -68,7 +76,9 @@ class Worker:
             return
         context = multiprocessing.get_context('spawn')
         self._connection, theirs = context.Pipe()
-        self._process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self._process = context.Process(
+            target=_serve, args=(theirs, self._effect_files), daemon=True
+        )
         self._process.start()
         theirs.close()
 
@@ -108,10 +118,11 @@ class Worker:
         self._done = Done(job, outcome, time.perf_counter() - begin)
 
 
-def _serve(connection: Connection) -> None:
+def _serve(connection: Connection, effect_files: Sequence[str]) -> None:
     """Work on jobs until the other end is closed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     _give_way()
+    add_effect_files(effect_files)
     while True:
         try:
             job: Job = connection.recv()
