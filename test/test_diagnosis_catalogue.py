@@ -171,3 +171,31 @@ def test_an_effect_of_the_user_is_found_by_the_diagnosis(tmp_path):
         assert found.model['swash_plate.m'] == pytest.approx(4e-3, rel=0.03)
     finally:
         catalogue().pop('swash_plate', None)
+
+
+def test_a_law_of_a_users_own_may_branch_and_call_math(tmp_path):
+    """It is written for one sample; all that asks it about many at once calls it for each."""
+    file = tmp_path / 'fan.py'
+    file.write_text(
+        '"""A fan: drag with the square of the speed."""\n'
+        'import math\n'
+        'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+        'CARD = Card(title="fan", equation="tau = -k omega |omega|",\n'
+        '    symptom="A parabola against speed.", reference="-", enters=Enters.MECHANICAL,\n'
+        '    axis="speed",\n'
+        '    amplitudes=(Amplitude("k", "N m s^2/rad^2", "drag", Scale.DRAG, positive=True),))\n'
+        'def torque(omega, k):\n'
+        '    """Torque in N m."""\n'
+        '    if omega < 0.0:\n'
+        '        return k * math.pow(omega, 2.0)\n'
+        '    return -k * math.pow(omega, 2.0)\n'
+    )
+    try:
+        one = add_effect_file(file)
+        speeds = np.array([-2.0, 0.0, 3.0])
+        assert one.laws['torque'](speeds, 0.5) == pytest.approx([2.0, 0.0, -4.5])
+        assert one.laws['torque'](3.0, 0.5) == -4.5
+        found = diagnosed('fan', ('coulomb_friction', 'gravity_load'), records(drag=2e-6))
+        assert found.model['fan.k'] == pytest.approx(2e-6, rel=0.03)
+    finally:
+        catalogue().pop('fan', None)

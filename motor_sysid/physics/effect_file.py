@@ -1,7 +1,11 @@
 """Read an effect from its file."""
 
+from dataclasses import replace
+import functools
 import inspect
 from types import ModuleType
+
+import numpy as np
 
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import (
@@ -19,6 +23,8 @@ from motor_sysid.physics.effect import (
     SHORTFALLS,
     SUM,
 )
+
+_SAMPLES = np.array([0.5, -0.25, 3.0, 0.0])
 
 
 def load_effect(key: str, module: ModuleType) -> Effect:
@@ -66,7 +72,37 @@ def checked(one: Effect) -> Effect:
     """
     if problem := _problem(one):
         raise UserError(f'effect `{one.key}`: {problem}; see docs/effects.md')
-    return one
+    return replace(
+        one,
+        laws={name: over_arrays(law) for name, law in one.laws.items()},
+        rates={name: over_arrays(rate) for name, rate in one.rates.items()},
+        speed_sum=one.speed_sum and over_arrays(one.speed_sum),
+    )
+
+
+def over_arrays(law: Law) -> Law:
+    """Return a law that takes numbers and arrays.
+
+    One that is written for a sample, with a branch or a function of `math` in it, is called for
+    one after the other; the compiled one is not concerned.
+    """
+    asked = arguments(law)
+    try:
+        with np.errstate(all='ignore'):
+            whole = np.broadcast_to(law(*(_SAMPLES for _ in asked)), _SAMPLES.shape)
+            each = [law(*(x for _ in asked)) for x in _SAMPLES]
+        if np.allclose(whole, each, rtol=1e-9, atol=0.0, equal_nan=True):
+            return law
+    except Exception:  # noqa: BLE001 - whatever a law for numbers raises of arrays
+        pass
+    one_by_one = np.vectorize(law, otypes=[np.float64])
+
+    @functools.wraps(law)
+    def called(*given: float) -> float:
+        found: float = one_by_one(*given) if asked else law()
+        return found
+
+    return called
 
 
 def _problem(one: Effect) -> str:

@@ -72,7 +72,8 @@ _GROUP = 'motor_sysid.effects'
 def catalogue() -> dict[str, Effect]:
     """Return every known effect by key: built-in ones, then those of installed packages."""
     found = [load_effect(name, import_module(f'{__name__}.{name}')) for name in _FILES]
-    found += [load_effect(entry.name, entry.load()) for entry in entry_points(group=_GROUP)]
+    outside = entry_points(group=_GROUP)
+    found += [checked(load_effect(entry.name, entry.load())) for entry in outside]
     return {each.key: each for one in found for each in one.repeated()}
 
 
