@@ -34,6 +34,7 @@ from motor_sysid.diagnosis.where import predictable, remainder
 from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors import motor
 from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.physics.scales import scales_of
 from motor_sysid.signals import Record
@@ -99,7 +100,9 @@ def rung(
         for one, key in zip(effects, keys, strict=True) for a in effect(key).card.amplitudes
     ]  # fmt: skip
     return SimpleNamespace(
-        model=SimpleNamespace(effects=keys, parameters=ParameterSet((b, *own))),
+        model=SimpleNamespace(
+            effects=keys, parameters=ParameterSet((b, *own)), kind=motor('brushed_dc')
+        ),
         held=SimpleNamespace(
             error_percent=error_percent, channel_percent={'speed': error_percent}
         ),
@@ -536,7 +539,17 @@ def test_what_does_away_with_a_known_friction_is_not_named():
                                               (1.45, Verdict.UNKNOWN_EFFECT)])  # fmt: skip
 def test_doubt_about_a_trifle_is_no_lack(before, said):
     """Beyond a noise of 1 % there are 0.9 and 1.05 % of the signal."""
-    assert verdict(rung(before), rung(before - 0.01), doubted=True) is said
+    assert verdict(rung(before), rung(before - 0.05), doubted=True) is said
+
+
+def test_next_to_nothing_of_what_random_loads_make_is_no_lack():
+    """Of 10 % beside a noise of 1 %, with nothing in it that could be predicted."""
+    assert verdict(rung(10.0), rung(9.95), doubted=True) is Verdict.COMPLETE
+    assert verdict(rung(10.0), rung(9.85), doubted=True) is Verdict.UNKNOWN_EFFECT, 'more falls'
+    told = rung(10.0, training=5.0), rung(9.95, training=4.5)
+    assert verdict(*told, doubted=True) is Verdict.UNKNOWN_EFFECT, 'training data say otherwise'
+    near = rung(1.02), rung(1.012)
+    assert verdict(*near, left=LEFT, doubted=True) is Verdict.UNKNOWN_EFFECT, 'of a shape'
 
 
 def test_a_trifle_that_an_effect_does_away_with_is_a_lack_all_the_same():
@@ -749,3 +762,20 @@ def test_what_held_out_data_contest_is_told(note, evidence, held, training, told
     assert contested([one], rung(5.7), 20.0) is (one if told else None)
     if told:
         assert 'speak for cogging' in besides(one, rung(5.7))
+
+
+def test_a_fit_that_puts_a_jump_into_another_sample_is_no_evidence():
+    """Of a six-step drive errors of the usual sample count, which do not fall."""
+    variant = SimpleNamespace(effect=effect('flexible_shaft'), inherits=False)
+    one = Trial(
+        SimpleNamespace(variant=variant), rung(5.69, training=3.0), 2 * SURE * 20.0, 2.0, 0.6,
+        ONLY, 1.0,
+    )  # fmt: skip
+    base = rung(5.7)
+    assert contested([one], base, 20.0) is one
+    base.model.kind = motor('bldc_six_step')
+    for fit, usual in ((base, 1.5), (one.rung, 1.49)):
+        fit.held.usual_percent = fit.training.usual_percent = usual
+    assert contested([one], base, 20.0) is None
+    base.training.usual_percent = 2.0
+    assert contested([one], base, 20.0) is one

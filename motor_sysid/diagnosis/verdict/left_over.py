@@ -35,4 +35,5 @@ def left_over(rung: Rung, bench: Bench, records: Sequence[Record]) -> Remainder:
         bench.differenced(rung.model),
         (matched.orders(contrast=STANDS_OUT), matched.led_orders()),
         other,
+        jumps=rung.model.kind.jumps,
     )

@@ -36,6 +36,11 @@ FAINT = 0.02
 NOTICED = 1.1
 """Fall of the held-out error from which on an effect is no trifle, however small the error was."""
 
+LITTLE, HARDLY = 0.05, 1.01
+"""Share of the squared error beyond sensor noise, and fall of the held-out error, below which what
+was added is a trifle beside random loads and what a model's own laws leave, however large these
+are."""
+
 OF_TRAINING = 0.1
 """Share of the squared training error below which what goes of it tells of nothing."""
 
@@ -126,7 +131,11 @@ def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | 
     and the held-out ones hardly do.  What does more harm there than a trifle is just fitted to the
     training data.
     """
+    jumps = base.model.kind.jumps  # a fit may put a jump into another sample, and win by that
+
     def fall(before: Comparison, after: Comparison) -> float:
+        if jumps:
+            return before.usual_percent**2 - after.usual_percent**2
         return before.error_percent**2 - after.error_percent**2
 
     torn = [
@@ -179,8 +188,8 @@ def verdict_of(
     If the only effect is `doubted`, or leaves more that can be predicted than it explains, and
     does not explain nearly all, something is missing, but not that; nor is it what is named if
     that has not `accounted` for nearly all whitened squares beyond noise either.  Where all that
-    the base model leaves beyond the noise is a trifle, and hardly falls, nothing is then missing,
-    if the training data do not say otherwise.
+    the base model leaves beyond the noise is a trifle, and hardly falls, or next to nothing of it
+    goes, nothing is then missing, if the training data do not say otherwise.
     Of several effects none may take away less than the missing physics that is left, and none may
     leave nothing of a parameter of the motor that was well known, unless several explain all but a
     trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
@@ -206,6 +215,7 @@ def verdict_of(
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
     doubted = doubted or max(accounted, surely) < NEARLY_ALL
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
+    trifle = trifle or (explained < LITTLE and before < HARDLY**2 * after)
     if doubted and not structured and trifle and not _told_in_training(base, final):
         return Verdict.COMPLETE
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))

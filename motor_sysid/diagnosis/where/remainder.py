@@ -175,6 +175,8 @@ def examine_remainder(
     differenced: Sequence[bool],
     orders: Orders,
     other: OtherValues | None = None,
+    *,
+    jumps: bool = False,
 ) -> Remainder:
     """Examine the residual of a fitted model.
 
@@ -194,6 +196,8 @@ def examine_remainder(
         See `Orders`.
     other:
         As in `Remainder`.
+    jumps:
+        Whether the motor's states jump by its own laws.
     """
     seen = validation.measured, validation.residuals, training.residuals
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
@@ -212,7 +216,7 @@ def examine_remainder(
         float(np.max(most / np.maximum(noise, 1e-300))),
         told,
         swing_of(training, held, chains),
-        unevenness_of(training, held, chains, noise, differenced),
+        unevenness_of(training, held, chains, noise, differenced, jumps=jumps),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
         _percent(error**2 - noise**2, size),
         _held_alone(_rms(training), _rms(held), noise, data, other),
