@@ -779,3 +779,22 @@ def test_a_fit_that_puts_a_jump_into_another_sample_is_no_evidence():
     assert contested([one], base, 20.0) is None
     base.training.usual_percent = 2.0
     assert contested([one], base, 20.0) is one
+
+
+@pytest.mark.parametrize(
+    ('usual', 'squares', 'said'),
+    [
+        ((3.0, 1.03), (4.0, 2.0), Verdict.EFFECT_MISSING),  # only noise is left there
+        ((3.0, 1.15), (4.0, 2.0), Verdict.EFFECT_MISSING),  # 96 % of the square went
+        ((3.0, 1.5), (4.0, 2.0), Verdict.UNKNOWN_EFFECT),
+        ((3.0, 2.98), (4.0, 3.9), Verdict.COMPLETE),  # next to nothing
+        ((3.0, 2.98), (4.0, 2.0), Verdict.UNKNOWN_EFFECT),  # but in few samples
+    ],
+)
+def test_of_a_motor_whose_states_jump_the_usual_sample_tells(usual, squares, said):
+    """A noise of 1 %; what is wrong at the jumps is most of the squares."""
+    fits = [rung(error) for error in squares]
+    for fit, told in zip(fits, usual, strict=True):
+        fit.model.kind = motor('bldc_six_step')
+        fit.held.usual_percent = told
+    assert verdict(*fits, accounted=0.3) is said
