@@ -798,3 +798,12 @@ def test_of_a_motor_whose_states_jump_the_usual_sample_tells(usual, squares, sai
         fit.model.kind = motor('bldc_six_step')
         fit.held.usual_percent = told
     assert verdict(*fits, accounted=0.3) is said
+
+
+def test_of_a_motor_whose_states_jump_what_cannot_be_told_from_nothing_is_a_trifle():
+    """Though the error of all samples falls by more than a tenth: half as large as the noise."""
+    for untold, said in ((('a',), Verdict.COMPLETE), ((), Verdict.EFFECT_MISSING)):
+        base, final = rung(1.15), rung(1.02, effects=('a',), untold=untold)
+        for fit, usual in ((base, 1.08), (final, 1.01)):
+            fit.model.kind, fit.held.usual_percent = motor('bldc_six_step'), usual
+        assert verdict(base, final) is said

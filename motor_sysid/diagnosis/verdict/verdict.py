@@ -230,6 +230,7 @@ def verdict_of(
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
     trifle = trifle or (explained < LITTLE and before < HARDLY**2 * after)
     hardly = base.held.error_percent < NOTICED * final.held.error_percent or not jumps
+    hardly = hardly or bool(untold(final.model, base.model.effects))
     trifle = trifle and hardly and not structured and not _told_in_training(base, final)
     if trifle and (doubted or jumps):
         return Verdict.COMPLETE
