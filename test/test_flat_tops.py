@@ -29,10 +29,12 @@ NONE = (-np.inf, np.inf)
         (np.round(WAVE), NONE),
         (np.concatenate((WAVE, np.full(50, 3.2), WAVE, np.full(50, 1.0))), NONE),
         (np.full(4000, 2.0), NONE),
+        (np.where(np.arange(4000) == 7, np.nan, WAVE), NONE),
     ],
     ids=[
         'two ends', 'steps of a converter', 'once for long', 'within its range', 'steps',
         'one that shows no negative ones', 'read seldom', 'coarse', 'two plateaus', 'stuck',
+        'not finite',
     ],
 )  # fmt: skip
 def test_only_what_is_cut_off_has_limits(values: np.ndarray, expected: tuple[float, float]):

@@ -28,7 +28,8 @@ def limits_of(values: Array) -> tuple[float, float]:
     Parameters
     ----------
     values:
-        (N,) measured values, stray samples mended: one of them may lie beyond the limit.
+        (N,) measured values, stray samples mended: one of them may lie beyond the limit.  Of
+        values that are not finite nothing is told.
     """
     starts, lengths = runs(values)
     level, ends = values[starts], (float(np.min(values)), float(np.max(values)))
@@ -54,4 +55,4 @@ def _is_flat(lengths: NDArray[np.intp], elsewhere: int, count: int) -> bool:
     """Whether stays of these lengths at a limit are no chance; the longest one `elsewhere`."""
     stays = lengths[lengths >= IN_A_ROW]
     again = stays.size > 1 and np.sum(stays) >= AT_LIMIT * count
-    return bool(np.max(lengths) > elsewhere and (again or np.any(stays >= LONG)))
+    return bool(np.max(lengths, initial=0) > elsewhere and (again or np.any(stays >= LONG)))

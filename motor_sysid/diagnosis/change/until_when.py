@@ -47,6 +47,8 @@ CERTAIN, WORTH, LEAST = 4.0, 0.03, 0.1
 and at least a tenth as certainly as the one that changed most certainly."""
 
 DRY = 'coulomb_friction'
+"""What both sides are fitted with besides, where the model has no dry friction."""
+
 NEW = 0.05
 """Share of an amplitude that was there before, below which its effect has come (or gone)."""
 

@@ -225,14 +225,15 @@ def verdict_of(
     larger = left.predictable > FAINT and missing > before - after
     doubted = (doubted or larger) and explained < NEARLY_ALL
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
-    noise = jumps and (explained >= NEARLY_ALL or after < (AT_FLOOR * left.floor_percent) ** 2)
-    doubted = doubted or (max(accounted, surely) < NEARLY_ALL and not noise)
+    at_floor = after < (AT_FLOOR * left.floor_percent) ** 2
+    only_noise = jumps and (explained >= NEARLY_ALL or at_floor)
+    doubted = doubted or (max(accounted, surely) < NEARLY_ALL and not only_noise)
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
     trifle = trifle or (explained < LITTLE and before < HARDLY**2 * after)
-    hardly = base.held.error_percent < NOTICED * final.held.error_percent or not jumps
-    hardly = hardly or bool(untold(final.model, base.model.effects))
-    trifle = trifle and hardly and not structured and not _told_in_training(base, final)
-    if trifle and (doubted or jumps):
+    noticed = base.held.error_percent >= NOTICED * final.held.error_percent
+    told = noticed and not untold(final.model, base.model.effects)
+    seen = structured or (jumps and told) or _told_in_training(base, final)
+    if trifle and not seen and (doubted or jumps):
         return Verdict.COMPLETE
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
     several = len(final.model.effects) > len(base.model.effects) + 1

@@ -28,10 +28,10 @@ from motor_sysid.physics.motors.base import (
 )
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter
+from motor_sysid.signals.checks.common import DRIVING_CURRENTS
 from motor_sysid.signals.record import Record
 
 INPUTS = (('torque',), ('force',), ('current',), ('current_q',))
-CURRENTS = {'current', 'current_q'}
 
 
 def matrices(values: Values) -> Matrices:
@@ -64,7 +64,7 @@ def _drive(record: Record) -> str:
 
 def _gain(records: Sequence[Record], given: Mapping[str, float]) -> float:
     """Return the torque per unit of input: what is given, or the torque constant of a current."""
-    if 'gain' in given or not {_drive(record) for record in records} <= CURRENTS:
+    if 'gain' in given or not {_drive(record) for record in records} <= {*DRIVING_CURRENTS}:
         return given.get('gain', 1.0)
     magnet = 1.5 * given.get('pole_pairs', 0.0) * given.get('psi_f', 0.0)
     return given.get('k_t') or magnet or 1.0

@@ -117,8 +117,8 @@ def _saturated(name: str, record: Record) -> Iterator[Finding]:
             Severity.WARNING, 'saturation',
             f'{name} stays at its {end} value {limit:.5g} {record.units[name]} for {share:.1%} of '
             'the time',
-            'what lies beyond is cut off: fits cut off what they predict as well, and see nothing '
-            'of the largest currents',
+            'what lies beyond is cut off: fits that predict this current cut that off, too, and '
+            'see nothing of the largest ones; in others gains come out too small',
             'use a larger range of the sensor, or smaller inputs',
             {'limit': limit, 'share': share},
         )  # fmt: skip
