@@ -68,7 +68,7 @@ class Drive:
         if follow_position and 'position' in record:
             position = record['position']
             steps = lattice(np.diff(position))
-            count = steps.step if steps else 0.0
+            count = record.steps.get('position') or (steps.step if steps else 0.0)
         elif follow_position and 'speed' in record:
             speed = record['speed']
             position, ahead = np.cumsum(speed) * record.dt, 0.5 * record.dt * (speed[0] + speed)

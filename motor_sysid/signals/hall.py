@@ -5,11 +5,13 @@ one begins at an electrical angle of 30 degrees (see `motor_sysid.signals.phases
 """
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.phases import SECTOR
 from motor_sysid.signals.record import Record
 
@@ -21,8 +23,9 @@ _MOST_PAIRS = 24
 _AGREES = 0.8
 """Least length of the mean of turns from -30 to 30 degrees; it is 0.95 where all is well."""
 
-_INSIDE, _CLOSE = 1e-6, 0.1
-"""How far inside of a sector a position is put that is less than a tenth of a sector outside."""
+_INSIDE, _CLOSE, _QUARTER = 1e-6, 0.1, 0.25
+"""How far inside of a sector a position is put, at least and at most, that is less than a tenth of
+a sector outside."""
 
 
 def sector_codes(sectors: Array) -> NDArray[np.int64]:
@@ -135,16 +138,24 @@ def angle_offset_of(records: Sequence[Record], pole_pairs: float) -> float:
 
 
 def within_sectors(record: Record, pole_pairs: float, offset: float) -> Record:
-    """Return the record with positions moved into their Hall sectors, where they are close by."""
+    """Return the record with positions moved into their Hall sectors, where they are close by.
+
+    Where the position comes in counts, half a count inside: all of what such a position may mean
+    lies in the sector then.  The width of a count stays known.
+    """
     if 'position' not in record or 'hall_sector' not in record:
         return record
+    found = lattice(np.diff(record['position']))
+    count = record.steps.get('position') or (found.step if found else 0.0)
+    margin = min(0.5 * pole_pairs * count / SECTOR + _INSIDE, _QUARTER)
     place = (pole_pairs * record['position'] + offset) / SECTOR - 0.5
     code = sector_codes(record['hall_sector']) - 1
     low = code + 6.0 * np.round((place - code - 0.5) / 6.0)
-    inside = np.clip(place, low + _INSIDE, low + 1.0 - _INSIDE)
-    moved = np.where(np.abs(inside - place) < _CLOSE, inside, place)
+    close = (place > low - _CLOSE) & (place < low + 1.0 + _CLOSE)
+    moved = np.where(close, np.clip(place, low + margin, low + 1.0 - margin), place)
     angle = ((moved + 0.5) * SECTOR - offset) / pole_pairs
-    return record.with_signal('position', angle, record.units['position'])
+    inside = record.with_signal('position', angle, record.units['position'])
+    return replace(inside, steps={**inside.steps, 'position': count}) if count else inside
 
 
 def _moving(records: Sequence[Record]) -> list[Record]:

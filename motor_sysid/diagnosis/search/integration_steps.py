@@ -141,10 +141,10 @@ def _fitted(model: Model, weighting: Weighting, some: Bench) -> tuple[FitResult,
 def _fine_enough(model: Model, bench: Bench) -> tuple[int, bool]:
     """Return so many integration steps that more are not worth it, and if what they do is small.
 
-    Over the training data; waves over a turn also over the held-out ones, which may run faster.
+    Over the training data; what depends on the angle also over held-out ones: they may be faster.
     """
     steps, right = _enough(model, bench)
-    if not bench.held or not _ripples(model, bench):
+    if not bench.held or not (_ripples(model, bench) or model.kind.jumps):
         return steps, right
     steps, there = _enough(model, replace(bench, train=bench.held, substeps=steps))
     return steps, right and there
