@@ -133,6 +133,15 @@ def test_what_an_input_may_have_moved_is_left_alone() -> None:
     assert list(strays_of(spoilt(RECORD, 'current', {step + 1: 40.0}))) == []
 
 
+def test_so_is_what_a_commutation_may_have_moved() -> None:
+    """A phase that drives for some samples between two edges of Hall sectors."""
+    step = int(np.argmax(np.abs(np.diff(RECORD['voltage'])))) + 1
+    bad = spoilt(RECORD, 'current', {step + 25: 40.0})
+    for edge, count in ((step + 24, 0), (step + 19, 1)):
+        sectors = np.where(np.arange(len(RECORD)) < edge, 6.0, 1.0)
+        assert len(list(strays_of(bad.with_signal('hall_sector', sectors, '1')))) == count
+
+
 def test_the_doctor_and_a_fit_tell_them() -> None:
     bad = spoilt(RECORD, 'speed', {700: 300.0})
     findings = {f.code: f for f in examine(bad)}

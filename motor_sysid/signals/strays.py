@@ -194,15 +194,18 @@ def _is_watched(name: str) -> bool:
 
 
 def _quiet(record: Record) -> NDArray[np.bool_]:
-    """Return (N,) where no input has moved by much within the last samples.
+    """Return (N,) where no input has moved by much within the last samples, and no sector begun.
 
-    One that is there from the first sample on was switched on then.
+    An input that is there from the first sample on was switched on then.
     """
     still = np.ones(len(record), dtype=np.bool_)
     for name in record:
-        if role_of(name) is not Role.INPUT:
+        if role_of(name) is Role.INPUT:
+            steps = np.abs(np.diff(record[name], prepend=0.0))
+        elif name == 'hall_sector':
+            steps = np.abs(np.diff(record[name], prepend=record[name][:1]))
+        else:
             continue
-        steps = np.abs(np.diff(record[name], prepend=0.0))
         moved = np.flatnonzero(steps > MOVED * np.ptp(record[name]))
         for later in range(-1, AROUND + 1):
             still[np.clip(moved + later, 0, len(record) - 1)] = False
