@@ -83,6 +83,17 @@ def test_it_is_what_phases_legs_and_diodes_do(name, most):
         assert speed < most
 
 
+def test_sectors_and_a_speed_take_the_place_of_an_encoder():
+    """The rotor's angle is that of the model, within the sector that is shown."""
+    one = case('six_step/complete/0', ideal=True)
+    halls = [r.select([n for n in r if n != 'position']) for r in (*one.train, *one.valid)]
+    records, _ = prepared_parts(halls, (), one.motor, one.nominal)
+    for record in records:
+        width = SECTOR / one.nominal['pole_pairs']
+        assert record.step_of('position') == pytest.approx(width, rel=1e-5)
+        assert np.all(errors(true_model(one), record, 4) < [0.01, 1e-4])
+
+
 def test_one_step_between_two_commutations_is_nearly_enough():
     one = case('six_step/complete/0', ideal=True)
     assert np.all(errors(true_model(one), one.train[0], 1) < 0.01)
@@ -259,6 +270,21 @@ def test_sectors_are_counted_from_zero_or_one():
         sector_codes(np.array([0.0, 6.0]))
     codes = np.repeat(np.tile(np.arange(6.0), 4), 5)
     assert np.ptp(electrical_angle_of(codes, 1e-3 * np.arange(codes.size))) > 20.0
+
+
+def test_a_speed_tells_how_many_sectors_are_passed_between_two_samples():
+    """A turn of up to four sectors in a sample, whose sectors alone could be any turn."""
+    time = 1e-3 * np.arange(2000)
+    speed = 4.0 * SECTOR / 1e-3 * np.sin(2 * np.pi * time)
+    angle = 4.0 * SECTOR / 1e-3 * (1 - np.cos(2 * np.pi * time)) / (2 * np.pi) + 1.0
+    sectors = hall_sector(angle).astype(np.float64)
+    noise = np.random.default_rng(1).normal(0.0, 0.2 * SECTOR / 1e-3, time.size)
+    off = electrical_angle_of(sectors, time, speed + noise) - angle
+    assert np.max(np.abs(off)) < SECTOR
+    with pytest.raises(UserError, match='record faster or with the speed'):
+        electrical_angle_of(sectors, time)
+    with pytest.raises(UserError, match='check the order'):
+        electrical_angle_of(7.0 - sectors, time, 0.1 * speed)
 
 
 @pytest.mark.parametrize('wrong', ['gray', 'backward', 'pairs'])

@@ -100,13 +100,14 @@ def _serve(
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent is interrupted, and ends us
     if warm_up:
         warm_up()
-    connection.send(None)
+    said: tuple[Answer] | None = None
     while True:
         try:
+            connection.send(said)
             task = connection.recv()
-        except EOFError:
+        except (EOFError, BrokenPipeError):  # there are no more, or whoever asked has died
             return
-        connection.send((work(task),))
+        said = (work(task),)
 
 
 def _heard(team: list[_Worker[Task]], limit: float) -> list[_Worker[Task]]:

@@ -68,7 +68,9 @@ class Drive:
         if follow_position and 'position' in record:
             position = record['position']
             steps = lattice(np.diff(position))
-            count = record.steps.get('position') or (steps.step if steps else 0.0)
+            count = steps.step if steps else 0.0
+            if kind.jumps:  # whose positions lie in the middle of what their sectors leave of one
+                count = record.steps.get('position', count)
         elif follow_position and 'speed' in record:
             speed = record['speed']
             position, ahead = np.cumsum(speed) * record.dt, 0.5 * record.dt * (speed[0] + speed)

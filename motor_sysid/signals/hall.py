@@ -23,9 +23,11 @@ _MOST_PAIRS = 24
 _AGREES = 0.8
 """Least length of the mean of turns from -30 to 30 degrees; it is 0.95 where all is well."""
 
-_INSIDE, _CLOSE, _QUARTER = 1e-6, 0.1, 0.25
-"""How far inside of a sector a position is put, at least and at most, that is less than a tenth of
-a sector outside."""
+_INSIDE, _CLOSE = 1e-6, 0.1
+"""How far inside of a sector a position is put that is less than a tenth of a sector outside."""
+
+_APART, _FEW = 1.5, 0.05
+"""Sectors by which a step may differ from what the speed tells, and share of larger ones."""
 
 
 def sector_codes(sectors: Array) -> NDArray[np.int64]:
@@ -47,7 +49,7 @@ def sector_codes(sectors: Array) -> NDArray[np.int64]:
     return codes
 
 
-def electrical_angle_of(sectors: Array, time: Array) -> Array:
+def electrical_angle_of(sectors: Array, time: Array, speed: Array | None = None) -> Array:
     """Return (N,) the unwrapped electrical angle in rad that goes with Hall sectors.
 
     Where the sector changes the angle is that of the edge; in between it is interpolated in time,
@@ -59,31 +61,37 @@ def electrical_angle_of(sectors: Array, time: Array) -> Array:
         (N,) sectors.
     time:
         (N,) s.
+    speed:
+        (N,) electrical speed, rad/s, if it is known: it tells how many sectors were passed between
+        two samples.
 
     Raises
     ------
     UserError
-        If a value is no sector, sectors are skipped, or the motor turned by less than two
-        electrical turns.
+        If a value is no sector, sectors are skipped, do not go with the speed, or the motor turned
+        by less than two electrical turns.
     """
     codes = sector_codes(sectors)
     steps = (np.diff(codes) + 3) % 6 - 3
-    if np.any(np.abs(steps) > 1):
-        at = int(np.argmax(np.abs(steps) > 1))
+    expected = np.zeros(steps.size)
+    if speed is not None:
+        expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time) / SECTOR
+        steps = steps + 6 * np.round((expected - steps) / 6).astype(np.int64)
+    edges = np.flatnonzero(steps)
+    apart = edges[np.abs(steps - expected)[edges] > _APART]
+    if apart.size > (0.0 if speed is None else _FEW * edges.size):
+        at = int(apart[0])
         raise UserError(
             f'`hall_sector` jumps from {codes[at]} to {codes[at + 1]} at {time[at]:g} s: a sector '
-            'is skipped; record faster, or check the order of the sensors'
+            'is skipped; record faster or with the speed, or check the order of the sensors'
         )
-    edges = np.flatnonzero(steps)
     if edges.size < _FEWEST:
         raise UserError(
             f'`hall_sector` changes {edges.size} times; a position needs at least {_FEWEST} edges'
         )
     number = codes[0] + np.concatenate(([0], np.cumsum(steps)))
-    upper = np.maximum(number[edges], number[edges + 1])
-    angle: Array = np.interp(
-        time, 0.5 * (time[edges] + time[edges + 1]), (upper - 0.5) * SECTOR
-    )
+    middle = 0.5 * (number[edges] + number[edges + 1])
+    angle: Array = np.interp(time, 0.5 * (time[edges] + time[edges + 1]), middle * SECTOR)
     return angle
 
 
@@ -147,7 +155,7 @@ def within_sectors(record: Record, pole_pairs: float, offset: float) -> Record:
         return record
     found = lattice(np.diff(record['position']))
     count = record.steps.get('position') or (found.step if found else 0.0)
-    margin = min(0.5 * pole_pairs * count / SECTOR + _INSIDE, _QUARTER)
+    margin = min(0.5 * pole_pairs * count / SECTOR + _INSIDE, 0.5)
     place = (pole_pairs * record['position'] + offset) / SECTOR - 0.5
     code = sector_codes(record['hall_sector']) - 1
     low = code + 6.0 * np.round((place - code - 0.5) / 6.0)
@@ -155,6 +163,7 @@ def within_sectors(record: Record, pole_pairs: float, offset: float) -> Record:
     moved = np.where(close, np.clip(place, low + margin, low + 1.0 - margin), place)
     angle = ((moved + 0.5) * SECTOR - offset) / pole_pairs
     inside = record.with_signal('position', angle, record.units['position'])
+    count = min(count, 2 * (margin - _INSIDE) * SECTOR / pole_pairs)
     return replace(inside, steps={**inside.steps, 'position': count}) if count else inside
 
 
@@ -177,6 +186,8 @@ def _mean_turn(records: Sequence[Record], pole_pairs: float) -> complex:
 def with_hall_position(record: Record, known: Mapping[str, float]) -> Record:
     """Return the record with a position from its Hall sectors, if it has no other.
 
+    What was recorded of it are steps of a sector.
+
     Parameters
     ----------
     record:
@@ -196,5 +207,8 @@ def with_hall_position(record: Record, known: Mapping[str, float]) -> Record:
             'a position from `hall_sector` needs the pole pairs of the motor; give `pole_pairs` '
             'in the data sheet (--nominal) or in the model'
         )
-    angle = electrical_angle_of(record['hall_sector'], record.time)
-    return record.with_signal('position', angle / known['pole_pairs'], 'rad')
+    pairs = known['pole_pairs']
+    speed = pairs * record['speed'] if 'speed' in record else None
+    angle = electrical_angle_of(record['hall_sector'], record.time, speed)
+    made = record.with_signal('position', angle / pairs, 'rad')
+    return replace(made, steps={**made.steps, 'position': SECTOR / pairs})
