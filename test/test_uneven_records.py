@@ -1,6 +1,5 @@
 """What acts in one record only shows there, though nothing predicts it."""
 
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -47,40 +46,6 @@ def test_the_worst_record_counts(sizes, expected):
     held_back = comparison(held)
     found = unevenness_of(comparison(*train), held_back, (chains(2), chains(1)), ONES, PLAIN)
     assert found == pytest.approx(expected, rel=0.1)
-
-
-def test_jumps_in_one_record_make_none_uneven_where_the_motors_own_states_jump():
-    """A six-step drive is off by as much as its current where it commutates."""
-    large = np.zeros((4000, 2))
-    large[::20, 0] = 20.0
-    plain = comparison(1, 1)
-    training = Comparison(
-        5.0, {}, (), (plain.residuals[0], plain.residuals[1] + large), plain.measured
-    )
-    every, jumps = (
-        unevenness_of(
-            training, comparison(1), (chains(2), chains(1)), ONES, PLAIN, jumps=jumps
-        )
-        for jumps in (False, True)
-    )
-    assert every > 3.0
-    assert jumps < 1.2
-    found = unevenness_of(
-        comparison(1, 4), comparison(1), (chains(2), chains(1)), ONES, PLAIN, jumps=True
-    )
-    assert found == pytest.approx(4.0, rel=0.1)
-
-
-def test_the_error_of_the_usual_sample():
-    one = comparison(3.0)
-    percents = {'current': 300.0, 'speed': 100.0}
-    usual = replace(one, channel_percent=percents).usual_percent
-    assert usual == pytest.approx(100 * np.sqrt(0.5 * (9 + 1)), rel=0.05)
-    spoilt = (np.where(np.arange(4000)[:, np.newaxis] % 10, one.residuals[0], 1e3),)
-    with_jumps = replace(one, channel_percent=percents, residuals=spoilt)
-    assert with_jumps.usual_percent == pytest.approx(usual, rel=0.2)
-    still = replace(one, channel_percent={'current': np.nan, 'speed': 100.0})
-    assert still.usual_percent == pytest.approx(100.0, rel=0.05)
 
 
 def test_less_than_sensor_noise_is_no_measure():

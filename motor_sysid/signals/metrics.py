@@ -25,10 +25,6 @@ Array = NDArray[np.float64]
 SMALL = 0.01
 """Share of the RMS of the measured values under which no relative error is taken."""
 
-
-MEDIAN = 0.6745
-"""Of the absolute values of a normal distribution, in standard deviations."""
-
 AXES = ('current_d', 'current_q')
 """Parts of one vector."""
 
@@ -49,15 +45,6 @@ def sizes_of(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
     vector = np.isin(outputs, AXES)
     power[vector] = np.sum(power[vector])
     return np.sqrt(power)
-
-
-def usual_errors(residual: Array) -> Array:
-    """Return (n_y,) standard deviations of (N, n_y) errors as their medians tell them.
-
-    What is wrong in fewer than half of the samples, as large as it may be, hardly counts.
-    """
-    spread: Array = np.median(np.abs(residual), axis=0) / MEDIAN
-    return spread
 
 
 @dataclass(frozen=True)

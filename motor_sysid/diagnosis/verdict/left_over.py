@@ -35,5 +35,4 @@ def left_over(rung: Rung, bench: Bench, records: Sequence[Record]) -> Remainder:
         bench.differenced(rung.model),
         (matched.orders(contrast=STANDS_OUT), matched.led_orders()),
         other,
-        jumps=rung.model.kind.jumps,
     )

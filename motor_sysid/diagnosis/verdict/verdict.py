@@ -44,9 +44,6 @@ are."""
 OF_TRAINING = 0.1
 """Share of the squared training error below which what goes of it tells of nothing."""
 
-AT_FLOOR = 1.05
-"""Error of the usual sample over that of sensor noise, up to which nothing else is left in it."""
-
 MOSTLY_NOISE = 20.0
 """Held-out error of an output in percent from which on noise makes much of what it shows."""
 
@@ -134,10 +131,9 @@ def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | 
     and the held-out ones hardly do.  What does more harm there than a trifle is just fitted to the
     training data.
     """
-    jumps = base.model.kind.jumps
 
     def fall(before: Comparison, after: Comparison) -> float:
-        return _told(before, jumps=jumps) ** 2 - _told(after, jumps=jumps) ** 2
+        return before.error_percent**2 - after.error_percent**2
 
     torn = [
         t for t in trials
@@ -147,14 +143,6 @@ def contested(trials: Sequence[Trial], base: Rung, threshold: float) -> Trial | 
         )
     ]  # fmt: skip
     return max(torn, key=lambda t: t.delta_bic, default=None)
-
-
-def _told(comparison: Comparison, *, jumps: bool) -> float:
-    """Return the error in percent that tells of a model; of the usual sample if its states jump.
-
-    A fit may put a jump into another sample, and win or lose by that.
-    """
-    return comparison.usual_percent if jumps else comparison.error_percent
 
 
 def besides(torn: Trial, final: Rung) -> str:
@@ -204,14 +192,11 @@ def verdict_of(
     trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
     are undetermined, what explains nearly all is named all the same; no model is complete where
     sensors show their noise.  Where something of a shape is left, nothing is named that cannot be
-    told from nothing, nor by a model that knows nothing.  Of a motor whose states jump by its own
-    laws the usual sample tells: what leaves only noise there accounts for it, and what hardly
-    lowers its error, nor that of all, is none.
+    told from nothing, nor by a model that knows nothing.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
-    jumps = final.model.kind.jumps
-    before, after = (_told(rung.held, jumps=jumps) ** 2 for rung in (base, final))
+    before, after = (rung.held.error_percent ** 2 for rung in (base, final))
     beyond = before - left.floor_percent**2
     explained = (before - after) / max(beyond, 1e-300)
     vague = min(_vague(base), _vague(final)) >= TOO_VAGUE
@@ -225,15 +210,11 @@ def verdict_of(
     larger = left.predictable > FAINT and missing > before - after
     doubted = (doubted or larger) and explained < NEARLY_ALL
     surely = (before - after) / max(beyond + FLOOR_SURE * left.floor_percent**2, 1e-300)
-    at_floor = after < (AT_FLOOR * left.floor_percent) ** 2
-    only_noise = jumps and (explained >= NEARLY_ALL or at_floor)
-    doubted = doubted or (max(accounted, surely) < NEARLY_ALL and not only_noise)
+    doubted = doubted or max(accounted, surely) < NEARLY_ALL
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
     trifle = trifle or (explained < LITTLE and before < HARDLY**2 * after)
-    noticed = base.held.error_percent >= NOTICED * final.held.error_percent
-    told = noticed and not untold(final.model, base.model.effects)
-    seen = structured or (jumps and told) or _told_in_training(base, final)
-    if trifle and not seen and (doubted or jumps):
+    seen = structured or _told_in_training(base, final)
+    if trifle and not seen and doubted:
         return Verdict.COMPLETE
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
     several = len(final.model.effects) > len(base.model.effects) + 1

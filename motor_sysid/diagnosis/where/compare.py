@@ -12,7 +12,7 @@ from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
 from motor_sysid.estimation.batch import Chain, Problem
 from motor_sysid.physics.model import Model
-from motor_sysid.signals.metrics import sizes_of, usual_errors
+from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -41,15 +41,6 @@ class Comparison:
     predictions: tuple[Mapping[str, Array], ...]
     residuals: tuple[Array, ...]
     measured: tuple[Array, ...]
-
-    @property
-    def usual_percent(self) -> float:
-        """Error of the usual sample: as `error_percent`, with medians for means of squares."""
-        errors = usual_errors(np.concatenate(self.residuals))
-        sizes = sizes_of([*self.channel_percent], self.measured)
-        percent = 100 * errors / np.maximum(sizes, 1e-300)
-        moving = ~np.isnan([*self.channel_percent.values()])
-        return float(np.sqrt(np.mean(percent[moving] ** 2)))
 
 
 @np.errstate(over='ignore', invalid='ignore')  # parameters on the way may be no motor

@@ -175,8 +175,6 @@ def examine_remainder(
     differenced: Sequence[bool],
     orders: Orders,
     other: OtherValues | None = None,
-    *,
-    jumps: bool = False,
 ) -> Remainder:
     """Examine the residual of a fitted model.
 
@@ -196,8 +194,6 @@ def examine_remainder(
         See `Orders`.
     other:
         As in `Remainder`.
-    jumps:
-        Whether the motor's states jump by its own laws.
     """
     seen = validation.measured, validation.residuals, training.residuals
     floor = np.min([noise_sigmas(parts, differenced) for parts in seen], axis=0)
@@ -216,7 +212,7 @@ def examine_remainder(
         float(np.max(most / np.maximum(noise, 1e-300))),
         told,
         swing_of(training, held, chains),
-        unevenness_of(training, held, chains, noise, differenced, jumps=jumps),
+        unevenness_of(training, held, chains, noise, differenced),
         drift_of(training, held, chains, ABOVE_FLOOR * noise),
         _percent(error**2 - noise**2, size),
         _held_alone(_rms(training), _rms(held), noise, data, other),

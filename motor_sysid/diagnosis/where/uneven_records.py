@@ -15,7 +15,6 @@ from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.methods.reference import moving_references
 from motor_sysid.signals.lattice import lattice
-from motor_sysid.signals.metrics import usual_errors
 
 Array = NDArray[np.float64]
 
@@ -38,16 +37,12 @@ def unevenness_of(
     chains: tuple[Sequence[Chain], Sequence[Chain]],
     noise: Array,
     differenced: Sequence[bool],
-    *,
-    jumps: bool = False,
 ) -> float:
     """Return how many times larger an output's error is in one record than in another, at most.
 
     The smaller one counts as sensor noise at least, which is `noise` (n_y,), or what counts make
     at most where an output is the difference of these.  Records under control and others are
-    compared apart: a controller lets random loads do less to the speed.  Where the motor's states
-    jump by its own laws, as those of a six-step drive do at each commutation, errors there are as
-    large as the current: the better half of the samples tells then.
+    compared apart: a controller lets random loads do less to the speed.
     """
     noise = np.maximum(noise, _of_counts([*training.measured, *held.measured], differenced))
     residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
@@ -55,7 +50,7 @@ def unevenness_of(
     ratios = [1.0]
     for kind in set(loops):
         own = [r for r, loop in zip(residuals, loops, strict=True) if loop == kind]
-        errors = np.array([(usual_errors if jumps else but_for_few)(residual) for residual in own])
+        errors = np.array([but_for_few(residual) for residual in own])
         best = np.maximum(np.min(errors, axis=0), noise)
         ratios.append(float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300))))
     return max(ratios)
