@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
 from motor_sysid.diagnosis.search.gates import (
     gate_note,
     gone,
+    is_in_few,
     misfit_of_laws,
     TAKES_OVER,
     TOO_LITTLE,
@@ -32,7 +33,8 @@ from motor_sysid.diagnosis.search.rung import (
 )
 from motor_sysid.diagnosis.search.sense import is_impossible, is_nonsense, senseless
 from motor_sysid.diagnosis.search.trial import Level
-from motor_sysid.estimation.batch import coloured
+from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.estimation.batch import coloured, white
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
@@ -589,3 +591,19 @@ def test_what_makes_up_for_a_fit_that_was_not_exact_is_needless(
     before = last_fit(old, 5.0)
     assert module.why_needless(last_fit(model, held), before, bench) == why
     assert module.why_needless(before, last_fit(model, held), bench) == ''  # it has no more
+
+
+@pytest.mark.parametrize(
+    ('in_one', 'in_all', 'few'), [(180.0, 0.0, True), (180.0, 0.4, True), (20.0, 0.4, False)]
+)
+def test_what_is_gained_in_one_sample_may_be_a_jump_put_into_another(in_one, in_all, few):
+    """Of 4000 samples with a noise of 1, and an error in each of them or in one more."""
+    rng = np.random.default_rng(5)
+    noise = rng.standard_normal((4000, 2))
+    error = in_all * np.sign(rng.standard_normal((4000, 2)))
+    error[1234, 0] = in_one
+    before, after = (
+        Comparison(5.0, {}, (), (residual,), (np.ones((4000, 2)),))
+        for residual in (noise + error, noise)
+    )
+    assert is_in_few(before, after, white([noise])) is few

@@ -1,6 +1,6 @@
 """Whether what an effect gains is real: the gates that it must pass."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 import math
 
 import numpy as np
@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.rung import certainty, Rung, SPOILED
 from motor_sysid.diagnosis.search.sense import is_impossible, narrowed, senseless, TOLD
 from motor_sysid.diagnosis.where.compare import Comparison
+from motor_sysid.diagnosis.where.uneven_records import FEW
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
@@ -55,11 +56,15 @@ TRIFLE = 'lowers the error by next to nothing'
 INEXACT = 'could be what laws and integration of the model have not right to the last detail'
 TOO_LITTLE = 'lowers the held-out error by'
 UNSTEADY = 'helps in some of the held-out data and harms in other'
+IN_FEW = 'lowers the held-out error in few samples only, where the motor commutates'
 TAKES_OVER = 'would be nothing with it'
 """How the note ends of an effect that takes the place of a parameter of the motor."""
 
 HELD_BACK = (TOO_LITTLE, UNSTEADY)
 """How notes begin that keep an effect out which the training data speak for."""
+
+MOSTLY = 0.5
+"""Part of a gain that must be left but for few samples where the states of a motor jump."""
 
 BLOCKS = 20
 MIN_STEADY = 0.75
@@ -139,12 +144,28 @@ def steadiness(before: Comparison, after: Comparison) -> float:
 
 def is_certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
     """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
-    pairs = zip(before.residuals, after.residuals, strict=True)
-    squares = [[weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in pair] for pair in pairs]
-    gains = _blocks([a - b for a, b in squares])
+    gains = _blocks([*_gains(before, after, weighting)])
     error = float(gains.std(ddof=1)) / np.sqrt(gains.size) if gains.size > 1 else np.inf
     sure = _steadiness(gains) >= CERTAIN_STEADY or gains.mean() > CERTAIN_T * error
     return bool(gains.sum() > CERTAIN_GAIN and sure)
+
+
+def is_in_few(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
+    """Whether less than half of the whitened gain is left but for the largest in few samples.
+
+    Of a motor whose states jump at an angle, a touch of anything may put a jump into another one.
+    """
+    gains = np.concatenate([*_gains(before, after, weighting)])
+    rising = gains[np.argsort(np.abs(gains))]
+    usual = rising[: gains.size - int(FEW * gains.size)]
+    return bool(np.sum(usual) < MOSTLY * np.sum(gains))
+
+
+def _gains(before: Comparison, after: Comparison, weighting: Weighting) -> Iterator[Array]:
+    """Yield by how much the whitened square of each sample (N,) of each stretch falls."""
+    for pair in zip(before.residuals, after.residuals, strict=True):
+        old, new = (weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in pair)
+        yield old - new
 
 
 def _blocks(gains: Sequence[Array]) -> Array:

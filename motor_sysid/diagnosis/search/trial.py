@@ -15,8 +15,10 @@ from motor_sysid.diagnosis.search.gates import (
     DEEP_SHARE,
     gate_note,
     HALVED,
+    IN_FEW,
     INEXACT,
     is_certain,
+    is_in_few,
     MENDED,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
@@ -201,6 +203,8 @@ def judged(
     )  # fmt: skip
     if note == NO_EVIDENCE and delta > bench.threshold:
         note = INEXACT
+    if not note and new.model.kind.jumps and is_in_few(rung.held, new.held, level.weighting):
+        note = IN_FEW
     return Trial(scored, new, delta, gain, steady, note, after / rows)
 
 
