@@ -8,7 +8,7 @@ import pytest
 from test_trials import prepared
 
 from motor_sysid.diagnosis.search.gates import LEAST_CERTAINTY
-from motor_sysid.diagnosis.search.prune import numbered, pruned, relieved, special_case
+from motor_sysid.diagnosis.search.prune import led_out, numbered, pruned, relieved, special_case
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.effect import FAITHFUL
 from motor_sysid.physics.model import SpeedSensor
@@ -50,6 +50,30 @@ def test_what_was_added_on_a_law_that_was_too_wide_goes_with_it():
     assert said[-1] == 'dropping quadratic drag: no longer needed'
     kept = climb(slim.model.with_effect('quadratic_drag', {'k_d': 1e-10}, bench.scales), bench)
     assert pruned(kept, bench, {}, said.append) is kept
+
+
+@pytest.mark.parametrize('pit', [True, False])
+def test_what_only_led_out_of_a_pit_goes_at_once(pit):
+    """A friction that was too small, and no drag: the one is right with the other, and without."""
+    bench, base = prepared(
+        records({'coulomb_friction': {'tau_c': TAU}}, kinds=('steps', 'triangle'), seconds=3.0),
+        SpeedSensor.DIFFERENCE,
+    )
+    alone = base.model.with_effect('coulomb_friction', {'tau_c': TAU}, bench.scales)
+    right = climb(alone, bench)
+    stuck = alone.with_values({'coulomb_friction.tau_c': 0.5 * TAU}).with_free(
+        ['coulomb_friction.tau_c'], free=False
+    )
+    before = climb(stuck, bench) if pit else right
+    drag = right.model.with_effect('quadratic_drag', {'k_d': 1e-10}, bench.scales)
+    both, said = climb(drag, bench), []
+    left = led_out(both, before, bench, said.append)
+    if pit:
+        assert left.model.effects == ('coulomb_friction',)
+        assert left.model['coulomb_friction.tau_c'] == pytest.approx(TAU, rel=0.02)
+    else:
+        assert left is both  # it has just passed: what is without it was there before
+    assert said == (['dropping quadratic drag: no longer needed'] if pit else [])
 
 
 def test_uneven_friction_keeps_its_law():

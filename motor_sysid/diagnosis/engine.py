@@ -18,7 +18,7 @@ from motor_sysid.diagnosis.search.needless import why_needless
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
-from motor_sysid.diagnosis.search.prune import pruned, relieved
+from motor_sysid.diagnosis.search.prune import led_out, pruned, relieved
 from motor_sysid.diagnosis.search.ranking import (
     doubts,
     holds_its_own,
@@ -180,6 +180,7 @@ class Engine:
         worse = best.held.error_percent > SPOILED * winner.rung.held.error_percent
         worse = worse or is_nonsense(best.model, winner.key, self.bench.scales.duration)
         best = pruned(winner.rung if worse else best, self.bench, self.gains, self.tell)
+        best = led_out(best, rung, self.bench, self.tell)
         return freed(self.refine(best), self.bench)
 
     def finish(self, ladder: Ladder, rivals: Rivals) -> Diagnosis:

@@ -89,6 +89,26 @@ def pruned(
     return pruned(rung, bench, gains, tell, last=True) if narrowed_one and not last else rung
 
 
+def led_out(rung: Rung, before: Rung, bench: Bench, tell: Callable[[str], None]) -> Rung:
+    """Return a fit without the effect that it has beyond `before`, where that one lay in a pit.
+
+    What a new effect moved the others to may be as good without it, and better than what they were
+    before by all that evidence takes: then it is nothing itself.
+    """
+    own = before.model.effects
+    further = [key for key in rung.model.effects if key not in own]
+    if not own or len(further) != 1 or not set(own) < set(rung.model.effects):
+        return rung
+    if certainty(rung, further[0]) > BEYOND_DOUBT * bench.threshold:
+        return rung
+    slim = _simpler(rung, numbered(rung.model.without_effect(further[0]), bench.scales), bench)
+    now, was = (profile_cost(fit, bench, rung.result.weighting)[0] for fit in (slim, before))
+    if slim is rung or now > was - bench.threshold:
+        return rung
+    tell(f'dropping {titles(further)}: no longer needed')
+    return slim
+
+
 def relieved(
     ladder: Ladder, bench: Bench, start: Sequence[str], tell: Callable[[str], None]
 ) -> Rung:
