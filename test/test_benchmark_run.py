@@ -1,6 +1,7 @@
 """Running the benchmark: workers that crash, files that go on, one real case from end to end."""
 
 import json
+from multiprocessing import Pipe
 from pathlib import Path
 
 from benchmark_tools import no_start, result, work
@@ -147,3 +148,23 @@ def test_one_case_from_end_to_end():
     assert abs(found.base_after['b']) < 0.2 * abs(found.base_before['b'])
     assert found.peers['f_test'].error == ''
     assert Result.from_dict(json.loads(json.dumps(found.as_dict()))) == found
+
+
+def test_a_worker_whose_parent_has_died_ends_quietly(monkeypatch):
+    """It may be in the midst of a task then, or before its first one."""
+    monkeypatch.setattr(workers.signal, 'signal', lambda *which: None)
+    done = []
+    mine, theirs = Pipe()
+
+    def work(task):
+        done.append(task)
+        mine.close()
+        return task
+
+    mine.send('one')
+    workers._serve(theirs, work, None)
+    assert done == ['one']
+    mine, theirs = Pipe()
+    mine.close()
+    workers._serve(theirs, work, None)
+    assert done == ['one']

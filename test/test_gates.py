@@ -607,3 +607,4 @@ def test_what_is_gained_in_one_sample_may_be_a_jump_put_into_another(in_one, in_
         for residual in (noise + error, noise)
     )
     assert is_in_few(before, after, white([noise])) is few
+    assert not is_in_few(after, before, white([noise])), 'what rises is gained nowhere'

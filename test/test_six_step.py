@@ -283,7 +283,7 @@ def test_a_speed_tells_how_many_sectors_are_passed_between_two_samples():
     assert np.max(np.abs(off)) < SECTOR
     with pytest.raises(UserError, match='record faster or with the speed'):
         electrical_angle_of(sectors, time)
-    with pytest.raises(UserError, match='check the order'):
+    with pytest.raises(UserError, match=r'where the speed tells .* check `pole_pairs`'):
         electrical_angle_of(7.0 - sectors, time, 0.1 * speed)
 
 

@@ -1,6 +1,5 @@
 """What acts in one record only shows there, though nothing predicts it."""
 
-
 import numpy as np
 import pytest
 

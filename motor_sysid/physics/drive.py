@@ -9,7 +9,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.model import SpeedSensor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import top_speed
-from motor_sysid.signals.lattice import lattice
+from motor_sysid.signals.lattice import count_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -67,9 +67,8 @@ class Drive:
         position, ahead, count = _EMPTY, _EMPTY, 0.0
         if follow_position and 'position' in record:
             position = record['position']
-            steps = lattice(np.diff(position))
-            count = steps.step if steps else 0.0
-            if kind.jumps:  # whose positions lie in the middle of what their sectors leave of one
+            count = count_of(position)
+            if kind.jumps:  # its positions were moved, each to the middle of what it may mean
                 count = record.steps.get('position', count)
         elif follow_position and 'speed' in record:
             speed = record['speed']

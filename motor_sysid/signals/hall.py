@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.signals.lattice import lattice
+from motor_sysid.signals.lattice import count_of
 from motor_sysid.signals.phases import SECTOR
 from motor_sysid.signals.record import Record
 
@@ -76,14 +76,21 @@ def electrical_angle_of(sectors: Array, time: Array, speed: Array | None = None)
     expected = np.zeros(steps.size)
     if speed is not None:
         expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(time) / SECTOR
+        expected = np.nan_to_num(expected)  # what is not finite is refused later, by its name
         steps = steps + 6 * np.round((expected - steps) / 6).astype(np.int64)
     edges = np.flatnonzero(steps)
     apart = edges[np.abs(steps - expected)[edges] > _APART]
     if apart.size > (0.0 if speed is None else _FEW * edges.size):
         at = int(apart[0])
+        jump = f'`hall_sector` jumps from {codes[at]} to {codes[at + 1]} at {time[at]:g} s'
+        if speed is None:
+            raise UserError(
+                f'{jump}: a sector is skipped; record faster or with the speed, or check the '
+                'order of the sensors'
+            )
         raise UserError(
-            f'`hall_sector` jumps from {codes[at]} to {codes[at + 1]} at {time[at]:g} s: a sector '
-            'is skipped; record faster or with the speed, or check the order of the sensors'
+            f'{jump}, where the speed tells {expected[at]:+.1f} sectors from sample to sample; '
+            'check `pole_pairs`, sign and unit of the speed, and the order of the sensors'
         )
     if edges.size < _FEWEST:
         raise UserError(
@@ -153,8 +160,7 @@ def within_sectors(record: Record, pole_pairs: float, offset: float) -> Record:
     """
     if 'position' not in record or 'hall_sector' not in record:
         return record
-    found = lattice(np.diff(record['position']))
-    count = record.steps.get('position') or (found.step if found else 0.0)
+    count = record.steps.get('position') or count_of(record['position'])
     margin = min(0.5 * pole_pairs * count / SECTOR + _INSIDE, 0.5)
     place = (pole_pairs * record['position'] + offset) / SECTOR - 0.5
     code = sector_codes(record['hall_sector']) - 1

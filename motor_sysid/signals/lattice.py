@@ -46,6 +46,15 @@ def lattice(values: Array) -> Lattice | None:
     return Lattice(step) if _are_multiples(gaps, step) else None
 
 
+def count_of(position: Array) -> float:
+    """Return the width of a count of a (N,) position, in its unit; 0 where it has none.
+
+    A position that never comes back shows it in its differences alone.
+    """
+    found = lattice(np.diff(position))
+    return found.step if found else 0.0
+
+
 def _are_multiples(gaps: Array, step: float) -> bool:
     off = np.abs(gaps / step - np.round(gaps / step))
     return bool(np.mean(off < 0.02 + 1e-3 * gaps / step) > 0.95)

@@ -55,7 +55,8 @@ class Record:
     provenance:
         Where the record came from.
     steps:
-        Quantized signal to its step, of those that were interpolated since; see `step_of`.
+        Quantized signal to its step, of those that were interpolated or moved since; see
+        `step_of`.
 
     Raises
     ------

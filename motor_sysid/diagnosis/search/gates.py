@@ -56,7 +56,7 @@ TRIFLE = 'lowers the error by next to nothing'
 INEXACT = 'could be what laws and integration of the model have not right to the last detail'
 TOO_LITTLE = 'lowers the held-out error by'
 UNSTEADY = 'helps in some of the held-out data and harms in other'
-IN_FEW = 'lowers the held-out error in few samples only, where the motor commutates'
+IN_FEW = 'lowers the held-out error in few samples only'
 TAKES_OVER = 'would be nothing with it'
 """How the note ends of an effect that takes the place of a parameter of the motor."""
 
@@ -151,14 +151,14 @@ def is_certain(before: Comparison, after: Comparison, weighting: Weighting) -> b
 
 
 def is_in_few(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
-    """Whether less than half of the whitened gain is left but for the largest in few samples.
+    """Whether the whitened held-out error falls, and less than half of that in most samples.
 
     Of a motor whose states jump at an angle, a touch of anything may put a jump into another one.
     """
     gains = np.concatenate([*_gains(before, after, weighting)])
     rising = gains[np.argsort(np.abs(gains))]
-    usual = rising[: gains.size - int(FEW * gains.size)]
-    return bool(np.sum(usual) < MOSTLY * np.sum(gains))
+    in_most = np.sum(rising[: gains.size - int(FEW * gains.size)])
+    return bool(np.sum(gains) > 0.0 and in_most < MOSTLY * np.sum(gains))
 
 
 def _gains(before: Comparison, after: Comparison, weighting: Weighting) -> Iterator[Array]:

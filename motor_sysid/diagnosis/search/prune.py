@@ -102,8 +102,10 @@ def led_out(rung: Rung, before: Rung, bench: Bench, tell: Callable[[str], None])
     if certainty(rung, further[0]) > BEYOND_DOUBT * bench.threshold:
         return rung
     slim = _simpler(rung, numbered(rung.model.without_effect(further[0]), bench.scales), bench)
+    if slim is rung:
+        return rung
     now, was = (profile_cost(fit, bench, rung.result.weighting)[0] for fit in (slim, before))
-    if slim is rung or now > was - bench.threshold:
+    if now > was - bench.threshold:
         return rung
     tell(f'dropping {titles(further)}: no longer needed')
     return slim

@@ -196,7 +196,7 @@ def verdict_of(
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
-    before, after = (rung.held.error_percent ** 2 for rung in (base, final))
+    before, after = base.held.error_percent**2, final.held.error_percent**2
     beyond = before - left.floor_percent**2
     explained = (before - after) / max(beyond, 1e-300)
     vague = min(_vague(base), _vague(final)) >= TOO_VAGUE
@@ -213,8 +213,7 @@ def verdict_of(
     doubted = doubted or max(accounted, surely) < NEARLY_ALL
     trifle = beyond < TRIFLE_PERCENT**2 and before < NOTICED**2 * after
     trifle = trifle or (explained < LITTLE and before < HARDLY**2 * after)
-    seen = structured or _told_in_training(base, final)
-    if trifle and not seen and doubted:
+    if doubted and not structured and trifle and not _told_in_training(base, final):
         return Verdict.COMPLETE
     outweighed = _outweighs(left, final, min(_drops(ladder), default=np.inf))
     several = len(final.model.effects) > len(base.model.effects) + 1
