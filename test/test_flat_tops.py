@@ -8,11 +8,12 @@ from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.estimation.batch.chains import make_chain, thinned
 from motor_sysid.physics.motors import motor
-from motor_sysid.signals.flat_tops import limits_of, share_at
+from motor_sysid.signals.flat_tops import common_limits, limits_of, share_at
 
 NOISE = np.random.default_rng(3).normal(size=4000)
 WAVE = 3.0 * np.sin(np.arange(4000) / 40) + 0.02 * NOISE
 STEPPED = 0.02 * np.round(WAVE / 0.02)
+FALLING = 3.1 * np.exp(-((np.arange(4000) + 200) % 400) / 10) + 0.02 * np.round(NOISE)
 NONE = (-np.inf, np.inf)
 
 
@@ -22,6 +23,8 @@ NONE = (-np.inf, np.inf)
         (np.clip(WAVE, -2.0, 2.5), (-2.0, 2.5)),
         (np.minimum(STEPPED, 2.0), (-np.inf, 2.0)),
         (np.where(np.arange(4000) < 200, np.minimum(WAVE, 2.9), 0.5 * WAVE), (-np.inf, 2.9)),
+        (np.where(np.arange(4000) < 400, np.minimum(FALLING, 2.0), 0.3 * FALLING), (-np.inf, 2.0)),
+        (FALLING, NONE),
         (WAVE, NONE),
         (STEPPED, NONE),
         (np.maximum(WAVE, 0.0), NONE),
@@ -32,13 +35,29 @@ NONE = (-np.inf, np.inf)
         (np.where(np.arange(4000) == 7, np.nan, WAVE), NONE),
     ],
     ids=[
-        'two ends', 'steps of a converter', 'once for long', 'within its range', 'steps',
+        'two ends', 'steps of a converter', 'once for long',
+        'one inrush', 'inrushes', 'within its range', 'steps',
         'one that shows no negative ones', 'read seldom', 'coarse', 'two plateaus', 'stuck',
         'not finite',
     ],
 )  # fmt: skip
 def test_only_what_is_cut_off_has_limits(values: np.ndarray, expected: tuple[float, float]):
     assert limits_of(values) == expected
+
+
+@pytest.mark.parametrize(
+    ('others', 'expected'),
+    [
+        ((0.5 * WAVE,), (-np.inf, 2.0)),
+        ((np.clip(WAVE, -2.4, 1.0),), (-2.4, 2.0)),
+        ((np.append(0.5 * WAVE, [-2.001, 2.0]),), (-2.001, 2.0)),
+        ((0.9 * WAVE,), NONE),
+    ],
+    ids=['one end', 'both', 'as far on the other side', 'other ranges'],
+)
+def test_a_sensor_has_one_range_in_all_records(others, expected):
+    cut = np.clip(0.75 * WAVE, 0.0, 2.0) + np.minimum(0.5 * WAVE, 0.0)
+    assert common_limits([cut, *others]) == expected
 
 
 def test_share_at_a_limit_counts_several_in_a_row():

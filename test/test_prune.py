@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_trials import prepared
 
-from motor_sysid.diagnosis.search.gates import LEAST_CERTAINTY
+from motor_sysid.diagnosis.search.gates import is_doubted, LEAST_CERTAINTY
 from motor_sysid.diagnosis.search.prune import led_out, numbered, pruned, relieved, special_case
 from motor_sysid.diagnosis.search.rung import climb, profile_cost
 from motor_sysid.physics.effect import FAITHFUL
@@ -111,6 +111,35 @@ def test_what_no_law_has_right_is_no_evidence_against_a_special_case_that_runs_b
     gains = {'asymmetric_coulomb_friction': gain}
     left = pruned(rung, bench, gains, lambda text: None, last=True).model.effects
     assert left == (('asymmetric_coulomb_friction',) if kept else ('coulomb_friction',))
+
+
+@pytest.mark.parametrize(
+    ('held', 'vague', 'kept'),
+    [('even', True, False), ('even', False, True), ('rises', True, True)],
+)
+def test_a_rise_of_friction_that_is_not_told_from_nothing_has_to_show_in_held_out_data(
+    held, vague, kept
+):
+    rng, rise = np.random.default_rng(3), {'tau_c': TAU, 'tau_s': 0.07 * TAU, 'omega_s': 10.0}
+    hidden = {
+        'rises': {'stribeck_friction': rise},
+        'even': {'coulomb_friction': {'tau_c': TAU}},
+    }
+    runs = {
+        name: [measure(a_motor(law), voltage_profile('steps', 4.0, rng), rng) for _ in range(2)]
+        for name, law in hidden.items()
+    }
+    bench, base = prepared(runs['rises'], SpeedSensor.DIFFERENCE, held=runs[held])
+    wide = base.model.with_effect('stribeck_friction', rise, bench.scales)
+    rung = climb(wide, bench)
+    if vague:
+        model = rung.model
+        sigmas = {'stribeck_friction.tau_s': model['stribeck_friction.tau_s']}
+        model = replace(model, parameters=model.parameters.with_sigmas(sigmas))
+        rung = replace(rung, result=replace(rung.result, model=model))
+    assert is_doubted(rung.model, 'stribeck_friction') is vague
+    left = pruned(rung, bench, {}, lambda text: None, last=True).model.effects
+    assert left == (('stribeck_friction',) if kept else ('coulomb_friction',))
 
 
 @pytest.mark.parametrize(('drop', 'kept'), [(6e-3, False), (2e-2, True)])

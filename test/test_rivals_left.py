@@ -45,3 +45,10 @@ def test_a_special_case_has_the_rivals_of_what_it_took_the_place_of():
     assert rivals_left(rivals, model, NOISE) == {'flexible_shaft': ('speed_sensor_lag',)}
     rivals['flexible_shaft'] = ()
     assert rivals_left(rivals, model, NOISE) == {'flexible_shaft': ()}
+
+
+def test_what_is_wider_than_the_special_case_itself_is_none_of_them():
+    """Uneven friction is a rival of Stribeck friction, and a wider form of Coulomb friction."""
+    model = Model.base('brushed_dc').with_effect('coulomb_friction', {})
+    rivals = {'stribeck_friction': ('asymmetric_coulomb_friction', 'iron_loss')}
+    assert rivals_left(rivals, model, NOISE) == {'coulomb_friction': ('iron_loss',)}

@@ -12,7 +12,7 @@ from motor_sysid.diagnosis.search.confusable import Compared
 from motor_sysid.diagnosis.search.delay_walk import walked
 from motor_sysid.diagnosis.search.exchange import Exchange, State, state_of
 from motor_sysid.diagnosis.search.feedback import unbiased
-from motor_sysid.diagnosis.search.gates import is_told, MIN_FURTHER_GAIN_PERCENT
+from motor_sysid.diagnosis.search.gates import is_doubted, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.needless import why_needless
 from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
@@ -47,7 +47,7 @@ from motor_sysid.diagnosis.search.rung import (
     SPOILED,
     with_better_sensor,
 )
-from motor_sysid.diagnosis.search.sense import is_nonsense, narrowed
+from motor_sysid.diagnosis.search.sense import is_nonsense
 from motor_sysid.diagnosis.search.step_ahead import in_its_place, refused, second_of, steps_from
 from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, Trial
@@ -314,7 +314,7 @@ class Engine:
                 self.notes.append(f'{titles([key])} would explain a little more, but {why}')
                 continue
             own = set(last.model.effects) - set(start)
-            if any(not is_told(last.model, one) or narrowed(last.model, one) for one in own):
+            if any(is_doubted(last.model, one) for one in own):
                 slim = pruned(last, bench, self.gains, self.tell, last=True)
                 if slim is not last:
                     self.put_last(slim, ladder)

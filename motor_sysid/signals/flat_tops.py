@@ -1,8 +1,11 @@
 """Flat tops: a sensor at the end of its range shows that, whatever lies beyond it.
 
 A current in steps of its converter changes from sample to sample, by noise alone.  One that stays
-at its largest value for several samples, again and again or for long, is cut off there.
+at its largest value for several samples, again and again or for long, is cut off there, and so is
+one that jumps to it, stays for several samples, and leaves it by a jump.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +19,12 @@ AT_LIMIT = 0.001
 
 IN_A_ROW, LONG = 3, 10
 """Equal samples in a row that are no chance, in two places; and in one."""
+
+CLIFF = 5.0
+"""Steps of the converter that a jump has at least."""
+
+ALIKE = 1e-3
+"""Share by which the ends of a range may differ: a converter has one step more on one side."""
 
 USUAL = 2
 """Samples in a row that most other values may stay: of what stays longer nothing is told, as of
@@ -33,15 +42,35 @@ def limits_of(values: Array) -> tuple[float, float]:
     """
     starts, lengths = runs(values)
     level, ends = values[starts], (float(np.min(values)), float(np.max(values)))
-    others = lengths[(level != 0) & ~np.isin(level, ends)]
-    if others.size == 0 or np.median(others) > USUAL:
+    inside = (level != 0) & ~np.isin(level, ends)
+    if not np.any(inside) or np.median(lengths[inside]) > USUAL:
         return -np.inf, np.inf
+    cliff = _between_jumps(level)
     low, high = (
-        end if end != 0 and _is_flat(lengths[level == end], int(np.max(others)), values.size)
-        else outside
+        end if end != 0 and (
+            _is_flat(lengths[level == end], int(np.max(lengths[inside])), values.size)
+            or _is_cut(lengths[(level == end) & cliff], lengths[inside & cliff])
+        ) else outside
         for end, outside in zip(ends, (-np.inf, np.inf), strict=True)
     )  # fmt: skip
     return low, high
+
+
+def common_limits(series: Sequence[Array]) -> tuple[float, float]:
+    """Return the ends of the range of a sensor that (N_k,) values of several records show.
+
+    What one record shows holds for all; a range that ends on one side ends as far from zero on the
+    other, where that is as far as any value goes.
+    """
+    told = [limits_of(values) for values in series]
+    low = min((one for one, _ in told if np.isfinite(one)), default=-np.inf)
+    high = max((one for _, one in told if np.isfinite(one)), default=np.inf)
+    least, most = min(map(np.min, series)), max(map(np.max, series))
+    if np.isinf(low) and abs(high + least) <= ALIKE * high < np.inf:
+        low = float(least)
+    if np.isinf(high) and abs(low + most) <= -ALIKE * low < np.inf:
+        high = float(most)
+    return (low if least >= low else -np.inf), (high if most <= high else np.inf)
 
 
 def share_at(values: Array, limit: float) -> float:
@@ -56,3 +85,17 @@ def _is_flat(lengths: NDArray[np.intp], elsewhere: int, count: int) -> bool:
     stays = lengths[lengths >= IN_A_ROW]
     again = stays.size > 1 and np.sum(stays) >= AT_LIMIT * count
     return bool(np.max(lengths, initial=0) > elsewhere and (again or np.any(stays >= LONG)))
+
+
+def _is_cut(lengths: NDArray[np.intp], elsewhere: NDArray[np.intp]) -> bool:
+    """Whether a stay between jumps is no chance: several samples, and none as long elsewhere."""
+    longest = np.max(lengths, initial=0)
+    return bool(longest >= IN_A_ROW and longest > np.max(elsewhere, initial=0))
+
+
+def _between_jumps(level: Array) -> NDArray[np.bool_]:
+    """Return (S,) whether a stay at a level begins and ends with a jump, for (S,) stays."""
+    step = np.min(np.diff(np.unique(level)))
+    far = np.abs(np.diff(level)) >= CLIFF * step
+    both: NDArray[np.bool_] = np.append(True, far) & np.append(far, True)
+    return both

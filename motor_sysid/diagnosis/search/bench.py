@@ -20,6 +20,7 @@ from motor_sysid.estimation.batch import (
     misfit,
     observed_outputs,
     Problem,
+    sensor_limits,
     thinned,
 )
 from motor_sysid.physics.drive import input_signals
@@ -222,6 +223,7 @@ def base_fit(
     def fitted(start: tuple[SpeedSensor, Mapping[str, float]]) -> FitResult:
         sensor, values = start
         model = Model.base(kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear)
+        model = model.with_free(name for name in kind.unless_given if name not in nominal)
         model = with_rotor_held(model) if resting else model
         return fit_multistart(Problem(model, chains, outputs))
 
@@ -269,10 +271,13 @@ def make_bench(
     defaults = {p.name: p.value for p in kind.parameters}
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
 
+    limits = sensor_limits(everything, kind)
+
     def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
         made = (
             make_chain(
-                r, kind, outputs, horizon=ahead, train_fraction=cut, scored=scored, lent=lent
+                r, kind, outputs, horizon=ahead, train_fraction=cut, scored=scored, lent=lent,
+                limits=limits,
             )
             for r, cut in parts
         )

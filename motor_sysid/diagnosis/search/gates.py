@@ -8,7 +8,13 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.rung import certainty, Rung, SPOILED
-from motor_sysid.diagnosis.search.sense import is_impossible, narrowed, senseless, TOLD
+from motor_sysid.diagnosis.search.sense import (
+    is_impossible,
+    is_vague,
+    narrowed,
+    senseless,
+    TOLD,
+)
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.diagnosis.where.uneven_records import FEW
 from motor_sysid.estimation.batch import Weighting
@@ -217,6 +223,12 @@ def is_told(model: Model, key: str) -> bool:
     """Whether an amplitude of an effect is told from zero, whatever else is not known."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
     return any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
+
+
+def is_doubted(model: Model, key: str) -> bool:
+    """Whether an effect is not told from zero, or from a special case of it."""
+    wider = any(is_vague(model, key, special) for special in effect(key).card.generalises)
+    return wider or bool(narrowed(model, key)) or not is_told(model, key)
 
 
 def why_idle(rung: Rung, without: Rung, key: str, duration: float) -> str:

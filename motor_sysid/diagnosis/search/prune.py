@@ -22,6 +22,7 @@ from motor_sysid.diagnosis.search.gates import (
 )
 from motor_sysid.diagnosis.search.refit import parameters_of, rough_fit, ROUGH_STEPS
 from motor_sysid.diagnosis.search.rung import certainty, climb, FINER, profile_cost, Rung, some_of
+from motor_sysid.diagnosis.search.sense import is_vague
 from motor_sysid.diagnosis.search.trial import Ladder, ONLY_NOISE
 from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch.least_squares import normal_equations
@@ -80,7 +81,9 @@ def pruned(
             if refused or there or not rung.model.admits(effect(special)):
                 continue
             model = special_case(rung.model, key, special, bench.scales)
-            slim = _simpler(rung, model, bench, FAITHFUL**2 * gains.get(key, 0.0))
+            vague = is_vague(rung.model, key, special)
+            inexact = np.inf if vague else FAITHFUL**2 * gains.get(key, 0.0)
+            slim = _simpler(rung, model, bench, inexact)
             if slim is not rung:
                 tell(f'{special} does in place of {key}')
                 gains[special] = gains.get(key, 0.0)

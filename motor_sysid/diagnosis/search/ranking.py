@@ -157,6 +157,7 @@ def rivals_left(
         gone = [one for one in rivals if one not in model.effects]
         wider = [one for one in gone if key in effect(one).card.generalises]
         known = [name for one in ([key] if key in rivals else wider) for name in rivals[one]]
+        known = [name for name in known if not _widens(name, key) and not _widens(key, name)]
         names = [*known, *_unseen(model, key, noise)]
         if key in rivals or names:
             found[key] = tuple(n for n in dict.fromkeys(names) if n not in model.effects)
@@ -202,8 +203,11 @@ def margin_of(gain: float, excess: float) -> float:
 
 def related(one: Trial, other: Trial) -> bool:
     """Whether one of two trials is of a special case of the other's effect."""
-    first, second = one.scored.variant.effect, other.scored.variant.effect
-    return first.key in second.card.generalises or second.key in first.card.generalises
+    return _widens(one.key, other.key) or _widens(other.key, one.key)
+
+
+def _widens(key: str, special: str) -> bool:
+    return special in effect(key).card.generalises
 
 
 def same_law(one: Trial, other: Trial) -> bool:

@@ -60,6 +60,14 @@ def narrowed(model: Model, key: str) -> str:
     return ''
 
 
+def is_vague(model: Model, key: str, special: str) -> bool:
+    """Whether what an effect adds to a special case of it is not told from nothing."""
+    card = effect(key).card
+    taken = {mine for mine, _ in card.generalises[special]}
+    extra = [model.parameters[f'{key}.{a.name}'] for a in card.amplitudes if a.name not in taken]
+    return bool(extra) and all(abs(p.value) < TOLD * (p.sigma or 0.0) for p in extra)
+
+
 def feeds(model: Model, key: str, duration: float) -> bool:
     """Whether an effect uses up a friction in `duration` s for certain, and feeds energy then."""
     for name, sources in effect(key).card.drains.items():

@@ -103,7 +103,8 @@ def input_is_constant(records: Sequence[Record]) -> bool:
 
 def undetermined(model: Model, warnings: Sequence[str]) -> tuple[str, ...]:
     """Return the free base parameters that the data do not determine."""
-    free = [p for p in model.parameters.free if '.' not in p.name]
+    asides = model.kind.unless_given
+    free = [p for p in model.parameters.free if '.' not in p.name and p.name not in asides]
     text = ' '.join(w for w in warnings if 'these data' in w)
     return tuple(
         p.name

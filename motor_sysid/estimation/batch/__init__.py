@@ -1,6 +1,12 @@
 """Batch estimation: output-error least squares, and optimizers with a least-squares polish."""
 
-from motor_sysid.estimation.batch.chains import Chain, make_chain, observed_outputs, thinned
+from motor_sysid.estimation.batch.chains import (
+    Chain,
+    make_chain,
+    observed_outputs,
+    sensor_limits,
+    thinned,
+)
 from motor_sysid.estimation.batch.least_squares import fit, fit_and_slopes
 from motor_sysid.estimation.batch.multistart import fit_multistart, misfit
 from motor_sysid.estimation.batch.optimizers import OPTIMIZERS, pareto, search
@@ -16,6 +22,6 @@ from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 __all__ = [
     'METHODS', 'OPTIMIZERS', 'Chain', 'FitResult', 'Linearization', 'Prior', 'Problem',
     'Transfer', 'Weighting', 'believed', 'coloured', 'fit', 'fit_and_slopes', 'fit_multistart',
-    'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search', 'starts_of',
-    'thinned', 'transfer', 'white',
+    'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search', 'sensor_limits',
+    'starts_of', 'thinned', 'transfer', 'white',
 ]  # fmt: skip

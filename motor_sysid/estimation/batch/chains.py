@@ -1,6 +1,6 @@
 """Records cut into what is simulated in one go: stretches, and chains of them."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -11,7 +11,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
-from motor_sysid.signals.flat_tops import limits_of
+from motor_sysid.signals.flat_tops import common_limits, limits_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -93,6 +93,9 @@ class Stretch:
 Chain = tuple[Stretch, ...]
 """Stretches that follow each other in time: the memory of effects carries on."""
 
+Limits = Mapping[str, tuple[float, float]]
+"""Smallest and largest value that a signal's sensor can show."""
+
 
 def observed_outputs(kind: Motor, records: Sequence[Record]) -> tuple[str, ...]:
     """Return the outputs that the error is taken of.
@@ -123,6 +126,7 @@ def make_chain(
     train_fraction: float = 1.0,
     scored: str = 'all',
     lent: bool = False,
+    limits: Limits | None = None,
 ) -> Chain:
     """Cut a record into stretches; none where nothing of it counts.
 
@@ -143,13 +147,15 @@ def make_chain(
     lent:
         Whether the held-back part is cut into pieces, each run from the measured state, of which
         every other one, the first included, counts as training data.
+    limits:
+        What `sensor_limits` tells of all records of the motor, beside what this one shows itself.
     """
     even = record.uniform()
-    drive, limits = Drive.of(even, kind), _limits(even, kind, outputs)
+    drive, shown = Drive.of(even, kind), _limits(even, kind, outputs, limits or {})
     cut = round(train_fraction * len(even))
     if horizon is None and not lent and scored != 'train' and cut < len(even):
         judged = cut if scored == 'validate' else 0
-        return (_stretch(even, drive, 0, len(even), kind, outputs, judged, limits),)
+        return (_stretch(even, drive, 0, len(even), kind, outputs, judged, shown),)
     parts = [
         (first, last, scored in ('all', role))
         for first, last, role in _roles(len(even), cut, lent=lent)
@@ -164,7 +170,7 @@ def make_chain(
         edges = np.linspace(first, last, pieces + 1).astype(int)
         for a, b in pairwise(edges.tolist()):
             unscored = 0 if counts else b - a
-            chain.append(_stretch(even, drive, a, b, kind, outputs, unscored, limits))
+            chain.append(_stretch(even, drive, a, b, kind, outputs, unscored, shown))
     return tuple(chain)
 
 
@@ -248,14 +254,31 @@ def _stretch(
     return Stretch(record, mine, measured, state, tuple(still_open), size, scored_from, limits)
 
 
-def _limits(record: Record, kind: Motor, outputs: Sequence[str]) -> Array | None:
+def sensor_limits(records: Sequence[Record], kind: Motor) -> Limits:
+    """Return the smallest and the largest value that the sensor of each current can show.
+
+    Infinite where no record of a motor shows it.  A speed or a position that stays where it is at
+    most may be that of a motor at its end stop.
+    """
+    names = {name for record in records for name in _measured_currents(kind) & set(record)}
+    return {name: common_limits([r[name] for r in records if name in r]) for name in names}
+
+
+def _measured_currents(kind: Motor) -> set[str]:
+    return {o.signal for o in kind.outputs if o.state in kind.currents}
+
+
+def _limits(
+    record: Record, kind: Motor, outputs: Sequence[str], common: Limits
+) -> Array | None:
     """Return (2, n_y) limits of the sensors of currents among the outputs; None if there are none.
 
-    A speed or a position that stays where it is at most may be that of a motor at its end stop.
+    Where a record does not show any itself, those that are `common` to all of the motor.
     """
-    currents = {o.signal for o in kind.outputs if o.state in kind.currents}
-    beyond = (-np.inf, np.inf)
-    limits = np.array([limits_of(record[n]) if n in currents else beyond for n in outputs]).T
+    currents, beyond = _measured_currents(kind), (-np.inf, np.inf)
+    own = np.array([limits_of(record[n]) if n in currents else beyond for n in outputs]).T
+    shared = np.array([common.get(n, beyond) for n in outputs]).T
+    limits = np.where(np.isfinite(own), own, shared)
     return limits if np.any(np.isfinite(limits)) else None
 
 

@@ -144,6 +144,8 @@ class Motor:
         are taken from.  By default the core itself.
     shown:
         Parameters that only its sensors' own laws read, and linearly: offsets.
+    unless_given:
+        Held parameters that are fitted where no data sheet tells them.
     prompt:
         Whether its outputs follow the input at once: what acts over a sample is then the input at
         its end.
@@ -188,6 +190,7 @@ class Motor:
     derived: Mapping[str, Law] = field(default_factory=dict)
     typical: Callable[[Values], Matrices] | None = None
     shown: tuple[str, ...] = ()
+    unless_given: tuple[str, ...] = ()
     wave: str = ''
     longest_turn: float = 0.35
     prompt: bool = False

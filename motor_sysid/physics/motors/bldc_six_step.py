@@ -107,6 +107,7 @@ MOTOR = replace(
     start=start,
     own=load_effect('bldc_six_step', bldc_six_step_laws),
     shown=('current_offset_a', 'current_offset_b'),
+    unless_given=('v_free',),
     wave='pole_pairs',
     longest_turn=0.9,
     foreign=('brush_voltage_drop',),
