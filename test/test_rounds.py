@@ -3,7 +3,7 @@
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
-from bench_motor import MOTOR, records
+from bench_motor import a_motor, measure, MOTOR, records, voltage_profile
 import numpy as np
 import pytest
 from test_trials import prepared
@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.search import rounds
 from motor_sysid.diagnosis.search.bench import make_bench
 from motor_sysid.diagnosis.search.further import (
+    beside_wider_signs,
     passed_over,
     resembling,
     tried_again,
@@ -325,6 +326,29 @@ def test_what_the_error_looks_like_gets_a_turn_whatever_a_noise_model_makes_of_i
     (whitened,) = (s for s in blind.singles if s.variant.effect.key == 'coulomb_friction')
     assert whitened.gain > rows
     assert not resembling(rung, bench, blind, {'coulomb_friction'})
+
+
+def test_beside_a_wider_sign_of_current_an_effect_shows_what_chatter_hides():
+    """A current that chatters about zero jumps at the smallest touch, whatever that is."""
+    rng, drop = np.random.default_rng(5), {'v_b': 1.0}
+    hidden = a_motor({'brush_voltage_drop': drop, 'quadratic_drag': {'k_d': 2e-7}})
+    volts = [voltage_profile(kind, 4.0, rng) for kind in ('steps', 'triangle')]
+    data = [measure(hidden, v + rng.normal(size=v.size), rng) for v in volts]
+    bench, base = prepared(data, SpeedSensor.DIFFERENCE)
+    rung = climb(base.model.with_effect('brush_voltage_drop', drop, bench.scales), bench)
+    keys = ['coulomb_friction', 'quadratic_drag', 'torque_ripple']
+    known = scored(rung, bench, [effect(key) for key in keys], lambda text: None)
+    tried = [one.variant for one in known.singles]
+    problem, near = bench.problem(rung.model), slopes(rung, bench)
+    narrow = score(problem, problem.vector(), tried, near, whitened=False).singles
+    wide = list(beside_wider_signs(rung, bench, tried))
+    gains = [max(s.gain for s in one if s.variant.effect.key == keys[1]) for one in (narrow, wide)]
+    assert gains[1] > 1.5 * gains[0]
+    assert gains[1] == max(one.gain for one in wide)
+    (found, *_), *_ = resembling(rung, bench, known, set())
+    assert found.variant.effect.key == 'quadratic_drag'
+    assert found.gain == gains[1]
+    assert found.variant.model['i_eps'] == rung.model['i_eps']
 
 
 def test_where_much_is_left_all_that_has_evidence_gets_a_turn_with_several_starts():

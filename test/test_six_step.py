@@ -158,6 +158,16 @@ def test_parameters_are_recovered_from_a_start_that_is_read_from_the_records():
         assert found.model[name] == pytest.approx(value, rel=0.01 if name != 'b' else 0.1), name
 
 
+def test_the_supply_is_fitted_where_no_sheet_tells_it():
+    one = case('six_step/complete/0')
+    told = fit_model(one.train, one.valid, motor=one.motor, nominal=one.nominal).model
+    assert told['v_free'] == one.sheet.supply
+    untold = {name: value for name, value in one.nominal.items() if name != 'v_free'}
+    fitted = fit_model(one.train, one.valid, motor=one.motor, nominal=untold).model
+    assert max(np.max(np.abs(r['voltage'])) for r in one.train) < 0.9 * one.sheet.supply
+    assert fitted['v_free'] == pytest.approx(one.sheet.supply + DIODES, rel=0.1)
+
+
 def test_hidden_friction_is_named():
     one = case('six_step/coulomb_friction/10/0', 4.0)
     found = diagnose(one.train, one.valid, motor=one.motor, nominal=one.nominal)

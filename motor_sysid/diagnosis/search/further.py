@@ -4,14 +4,16 @@ Then parameters may be far astray, and the noise model of the whole dictionary m
 missing for noise: scores tell little of which effect it is, and evidence is weighed anew.
 """
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Iterator, Sequence, Set
+from dataclasses import replace
 
 import numpy as np
 
 from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
+from motor_sysid.diagnosis.candidates.variants import Variant
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import MIN_FURTHER_GAIN_PERCENT, UNPHYSICAL
-from motor_sysid.diagnosis.search.refit import best_per_effect, better_of, STARTS
+from motor_sysid.diagnosis.search.refit import best_per_effect, better_of, chatters, STARTS, WIDE
 from motor_sysid.diagnosis.search.rung import Rung, slopes
 from motor_sysid.diagnosis.search.trial import Trial
 
@@ -81,13 +83,35 @@ def resembling(rung: Rung, bench: Bench, scores: Scores, tried: Set[str]) -> lis
 
     As it is, that is, whatever a noise model makes of it: where another law is sharp and not right
     yet, its jumps are all that a whitened error shows, and a constant friction passes for noise.
+    Where a current chatters about its sign, a small touch of anything moves the jumps most; beside
+    a wider sign it shows what else it does.
     """
-    problem, near = bench.problem(rung.model), slopes(rung, bench)
     variants = [one.variant for one in scores.singles if one.variant.effect.key not in tried]
-    found = score(problem, problem.vector(), variants, near, whitened=False).singles
+    near = slopes(rung, bench)
     least = RESEMBLES * sum(one.residual.size for one in near)
+    problem = bench.problem(rung.model)
+    found = list(score(problem, problem.vector(), variants, near, whitened=False).singles)
+    if chatters(rung.model):
+        found += beside_wider_signs(rung, bench, variants)
     alike = [one for one in found if one.gain > least and one.allowed]
-    return best_per_effect(alike, THOROUGH)
+    return best_per_effect(sorted(alike, key=lambda one: -one.delta_bic), THOROUGH)
+
+
+def beside_wider_signs(
+    rung: Rung, bench: Bench, variants: Sequence[Variant]
+) -> Iterator[Scored]:
+    """Score variants, as the error is, beside a sign of current that is wider."""
+    width = rung.model['i_eps']
+
+    def with_width(variant: Variant, value: float) -> Variant:
+        return replace(variant, model=variant.model.with_values({'i_eps': value}))
+
+    wide = {'i_eps': WIDE[-1] * width}
+    problem = bench.problem(rung.model.with_values(wide))
+    start = problem.vector()
+    wider = [with_width(variant, wide['i_eps']) for variant in variants]
+    for one in score(problem, start, wider, problem.linearize(start), whitened=False).singles:
+        yield replace(one, variant=with_width(one.variant, width), base={})
 
 
 def tried_again(

@@ -47,7 +47,6 @@ from motor_sysid.diagnosis.search.rung import (
     climb,
     FINER,
     leaves_much,
-    LOST,
     profile_cost,
     Rung,
     slopes,
@@ -166,7 +165,7 @@ def refitted(
     trials = in_threads(roughly, chosen)
     if level.cost > ONLY_NOISE * level.rows:
         trials += in_threads(roughly, unpromised(scores, trials))
-    if thorough and not helps(trials) and is_lost(rung, bench, base, RESTLESS):
+    if thorough and not helps(trials) and leaves_much(rung, bench, RESTLESS):
         lost = is_lost(rung, bench, base)
         count = (limit if base else None) if lost else 0
         more = further_starts(rung, bench, scores, trials, count)
@@ -315,14 +314,14 @@ def explains(rung: Rung, base: Rung) -> bool:
     return rung.held.error_percent**2 < (1.0 - NEARLY_ALL) * base.held.error_percent**2
 
 
-def is_lost(rung: Rung, bench: Bench, base: Rung | None = None, times: float = LOST) -> bool:
+def is_lost(rung: Rung, bench: Bench, base: Rung | None = None) -> bool:
     """Whether a model leaves so many times the noise that what is missing may pass for noise.
 
     Not where it leaves little of what `base`, without effects, had left: no law is exact.
     """
     if base is not None and explains(rung, base):
         return False
-    return leaves_much(rung, bench, times)
+    return leaves_much(rung, bench)
 
 
 def tried_instead(rung: Rung, tried: Iterable[Trial]) -> dict[str, FitResult]:
