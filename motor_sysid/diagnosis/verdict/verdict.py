@@ -196,8 +196,8 @@ def verdict_of(
     leave nothing of a parameter of the motor that was well known, unless they explain all but a
     trifle, one alone even more, and leave nothing of a shape, or the model without knew nothing.
     Where base parameters are undetermined, what explains nearly all is named all the same; no
-    model is complete where sensors show their noise.  Where something of a shape is left, nothing is named that cannot be
-    told from nothing, nor by a model that knows nothing.
+    model is complete where sensors show their noise.  Where something of a shape is left, nothing
+    is named that cannot be told from nothing, nor by a model that knows nothing.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
