@@ -523,8 +523,8 @@ def test_missing_values_and_wrong_types(tmp_path: Path) -> None:
     messages[20] = (messages[20][0], joints(messages[20][0], [], [], []))
     topics['/motor/speed'] = (kind, messages)
     loaded = load(write_bag(tmp_path / 'bag', topics))
-    assert len(loaded.records[0]) == 48
-    assert 'missing_values' in codes(loaded)
+    assert sum(map(len, loaded.records)) == 48
+    assert {'missing_values', 'lost_step'} <= codes(loaded), 'the voltage stepped there'
     topics['/motor/speed'] = (VECTOR, topics['/motor/voltage'][1])
     with pytest.raises(UserError, match=r'no field `velocity`.*header, vector'):
         load(write_bag(tmp_path / 'odd', topics))

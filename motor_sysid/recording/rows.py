@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.recording.lost_steps import after_lost_steps, lost_steps
 from motor_sysid.signals.channels import CHANNELS
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Provenance, Record
@@ -71,6 +72,7 @@ def records_from(
     rows = _in_order(rows, findings)
     pieces = [_without_repeats(piece, findings) for piece in _monotonic(rows, findings)]
     pieces = [part for piece in pieces for part in _contiguous(piece, max_gap, findings)]
+    pieces = [part for piece in pieces for part in _without_lost_steps(piece, findings)]
     pieces = _without_stubs(pieces, findings)
     return [_record(piece, provenance) for piece in pieces], _merged(findings)
 
@@ -260,8 +262,21 @@ def _contiguous(rows: Rows, max_gap: float | None, findings: list[Finding]) -> l
         )  # fmt: skip
     if max_gap is None and steps.size:
         findings += _long_steps_kept(steps, limit)
+    return _cut(rows, cuts)
+
+
+def _cut(rows: Rows, cuts: NDArray[np.intp]) -> list[Rows]:
+    """Return the rows in pieces that begin at these places."""
     edges = [0, *cuts.tolist(), len(rows.time)]
     return [rows.take(slice(start, stop)) for start, stop in pairwise(edges)]
+
+
+def _without_lost_steps(rows: Rows, findings: list[Finding]) -> list[Rows]:
+    """Split where samples are missing in which an input stepped."""
+    cuts = after_lost_steps(rows.time, rows.signals)
+    if cuts.size:
+        findings.append(lost_steps(rows.time, cuts))
+    return _cut(rows, cuts)
 
 
 def _long_steps_kept(steps: Array, limit: float) -> list[Finding]:
