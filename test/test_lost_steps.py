@@ -58,3 +58,12 @@ def test_a_file_is_split_there_and_says_so(tmp_path):
     (finding,) = (f for f in found.findings if f.code == 'lost_step')
     assert finding.numbers == {'holes': 2}
     assert 'before 0.251 s' in finding.message
+
+
+def test_no_piece_is_a_stub(tmp_path):
+    """Nine rows before a step that is lost stay with what follows."""
+    path, kept = tmp_path / 'run.csv', without(250, 500)
+    rows = np.column_stack([TIME, STEPS])[kept][241:]
+    np.savetxt(path, rows, delimiter=',', header='time [s],voltage [V]', comments='')
+    found = load(path)
+    assert [len(record) for record in found.records] == [258, 1499]

@@ -272,8 +272,14 @@ def _cut(rows: Rows, cuts: NDArray[np.intp]) -> list[Rows]:
 
 
 def _without_lost_steps(rows: Rows, findings: list[Finding]) -> list[Rows]:
-    """Split where samples are missing in which an input stepped."""
-    cuts = after_lost_steps(rows.time, rows.signals)
+    """Split where samples are missing in which an input stepped, but into no stubs."""
+    found = after_lost_steps(rows.time, rows.signals)
+    first, kept = 0, []
+    for cut in found.tolist():
+        if cut - first >= SHORTEST <= len(rows.time) - cut:
+            kept.append(cut)
+            first = cut
+    cuts = np.array(kept, dtype=np.intp)
     if cuts.size:
         findings.append(lost_steps(rows.time, cuts))
     return _cut(rows, cuts)
