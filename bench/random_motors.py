@@ -160,44 +160,63 @@ def main() -> int:
     parser.add_argument('--seed', type=int, default=3)
     parser.add_argument('--to', type=int, default=len(CASES), metavar='N', help='number of motors')
     parser.add_argument('--folder', type=Path, required=True, help='where records are written')
+    parser.add_argument('--results', type=Path, metavar='FILE', help='where answers are written')
     parser.add_argument('--markdown', type=Path, metavar='FILE', help='page to bring up to date')
     args = parser.parse_args()
-    rows = []
+    answers = []
     for number in range(args.to):
-        rows.append(answer(number, args.seed, args.folder / f'{args.seed}_{number:03d}'))
-        print(' | '.join(rows[-1]), flush=True)  # noqa: T201
+        answers.append(answer(number, args.seed, args.folder / f'{args.seed}_{number:03d}'))
+        print(json.dumps(answers[-1]), flush=True)  # noqa: T201
+    if args.results:
+        lines = ''.join(f'{json.dumps(one)}\n' for one in answers)
+        args.results.write_text(lines, encoding='utf-8')
     if args.markdown:
-        page = filled(args.markdown, 'random motors', markdown(HEAD, rows))
+        page = filled(args.markdown, 'random motors', table(answers))
         args.markdown.write_text(page, encoding='utf-8')
     return 0
 
 
-HEAD = ('hidden', 'said', 'error', 'sensors alone')
-
-
-def answer(number: int, seed: int, folder: Path) -> list[str]:
-    """Return a row of the table: what is hidden, what was said, and the held-out errors."""
+def answer(number: int, seed: int, folder: Path) -> dict[str, object]:
+    """Return what is hidden in a motor, what was said, and the held-out errors."""
     hidden, said = CASES[number % len(CASES)], folder / 'answer.json'
     if not said.exists():
         draw(hidden, np.random.default_rng([seed, number]), folder)
         ask(folder, said)
     found = json.loads(said.read_text(encoding='utf-8'))
-    steps = found.get('steps', [])
-    errors = [step['validation_error_percent'] for step in steps] or [float('nan')]
-    named = ' + '.join(found['effects']) or found['verdict'].replace('_', ' ')
-    if found['verdict'] == 'ambiguous':
-        named += ' (ambiguous)'
-    return [
-        ' + '.join(hidden) or 'nothing', 'the same' if is_right(hidden, found) else named,
-        ' → '.join(f'{errors[k]:.3g} %' for k in sorted({0, len(errors) - 1})),
-        f'{found["noise_floor_percent"]:.3g} %',
-    ]  # fmt: skip
+    errors = [step['validation_error_percent'] for step in found['steps']]
+    return {
+        'hidden': list(hidden), 'verdict': found['verdict'], 'named': found['effects'],
+        'before': errors[0], 'after': errors[-1], 'sensors': found['noise_floor_percent'],
+        'seconds': found['seconds'],
+    }  # fmt: skip
 
 
-def is_right(hidden: Sequence[str], found: Mapping[str, object]) -> bool:
+def table(answers: Sequence[Mapping[str, object]]) -> str:
+    """Return a table in Markdown: how many were answered by exactly what is hidden."""
+    rows = []
+    for hidden in dict.fromkeys(CASES):
+        mine = [one for one in answers if tuple(one['hidden']) == hidden]
+        others = [in_words(one) for one in mine if not is_right(one)]
+        if mine:
+            row = ' + '.join(hidden) or 'nothing', len(mine), len(mine) - len(others)
+            rows.append([*map(str, row), '; '.join(others)])
+    return markdown(('hidden', 'motors', 'named exactly', 'other answers'), rows)
+
+
+def is_right(one: Mapping[str, object]) -> bool:
     """Whether exactly what is hidden is named, for certain."""
-    verdict = 'effect_missing' if hidden else 'complete'
-    return found['verdict'] == verdict and set(found['effects']) == set(hidden)
+    verdict = 'effect_missing' if one['hidden'] else 'complete'
+    return one['verdict'] == verdict and set(one['named']) == set(one['hidden'])
+
+
+def in_words(one: Mapping[str, object]) -> str:
+    """Return what was said, with the errors."""
+    said = str(one['verdict']).replace('_', ' ')
+    names = ' + '.join(one['named'])
+    said = names if one['verdict'] == 'effect_missing' else f'{said} {names}'.strip()
+    return (
+        f'{said} ({one["before"]:.3g} → {one["after"]:.3g} %, sensors alone {one["sensors"]:.3g})'
+    )
 
 
 def ask(folder: Path, said: Path) -> None:
