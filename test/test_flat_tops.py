@@ -8,7 +8,7 @@ from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.estimation.batch.chains import make_chain, thinned
 from motor_sysid.physics.motors import motor
-from motor_sysid.signals.flat_tops import common_limits, limits_of, share_at
+from motor_sysid.signals.flat_tops import common_limits, limits_of
 
 NOISE = np.random.default_rng(3).normal(size=4000)
 WAVE = 3.0 * np.sin(np.arange(4000) / 40) + 0.02 * NOISE
@@ -24,6 +24,8 @@ NONE = (-np.inf, np.inf)
         (np.minimum(STEPPED, 2.0), (-np.inf, 2.0)),
         (np.where(np.arange(4000) < 200, np.minimum(WAVE, 2.9), 0.5 * WAVE), (-np.inf, 2.9)),
         (np.where(np.arange(4000) < 400, np.minimum(FALLING, 2.0), 0.3 * FALLING), (-np.inf, 2.0)),
+        (np.minimum(FALLING, 2.6), (-np.inf, 2.6)),
+        (np.minimum(FALLING, 3.0), NONE),
         (FALLING, NONE),
         (WAVE, NONE),
         (STEPPED, NONE),
@@ -36,9 +38,9 @@ NONE = (-np.inf, np.inf)
     ],
     ids=[
         'two ends', 'steps of a converter', 'once for long',
-        'one inrush', 'inrushes', 'within its range', 'steps',
-        'one that shows no negative ones', 'read seldom', 'coarse', 'two plateaus', 'stuck',
-        'not finite',
+        'one inrush', 'two samples of each', 'one of each', 'inrushes', 'within its range',
+        'steps', 'one that shows no negative ones', 'read seldom', 'coarse', 'two plateaus',
+        'stuck', 'not finite',
     ],
 )  # fmt: skip
 def test_only_what_is_cut_off_has_limits(values: np.ndarray, expected: tuple[float, float]):
@@ -58,12 +60,6 @@ def test_only_what_is_cut_off_has_limits(values: np.ndarray, expected: tuple[flo
 def test_a_sensor_has_one_range_in_all_records(others, expected):
     cut = np.clip(0.75 * WAVE, 0.0, 2.0) + np.minimum(0.5 * WAVE, 0.0)
     assert common_limits([cut, *others]) == expected
-
-
-def test_share_at_a_limit_counts_several_in_a_row():
-    values = np.array([0.0, 2.0, 1.0, 2.0, 2.0, 2.0, 1.5, 2.0, 2.0, 1.0])
-    assert share_at(values, 2.0) == pytest.approx(0.3)
-    assert share_at(values, 1.0) == 0.0
 
 
 def cut_off(limit: float, effects: dict[str, dict[str, float]]):
@@ -90,7 +86,7 @@ def test_a_stretch_shows_what_its_sensor_can_and_windows_of_it_do_so_too():
 def test_parameters_are_those_of_the_motor_whatever_is_cut_off():
     """A sixth of the sensor's samples are at its limit; a fit that takes them for true is off."""
     data, motor_values = cut_off(1.0, {}), {'R': 2.1, 'k_t': 0.046, 'J': 2.6e-5}
-    assert 0.05 < share_at(data[0]['current'], 1.0) < 0.4
+    assert 0.05 < np.mean(data[0]['current'] == 1.0) < 0.4
     found = fit_model(data, motor='brushed_dc').model
     for name, value in motor_values.items():
         assert found[name] == pytest.approx(value, rel=5e-3), name

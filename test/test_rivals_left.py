@@ -52,3 +52,9 @@ def test_what_is_wider_than_the_special_case_itself_is_none_of_them():
     model = Model.base('brushed_dc').with_effect('coulomb_friction', {})
     rivals = {'stribeck_friction': ('asymmetric_coulomb_friction', 'iron_loss')}
     assert rivals_left(rivals, model, NOISE) == {'coulomb_friction': ('iron_loss',)}
+
+
+def test_a_rise_of_friction_below_the_noise_of_a_speed_is_still_a_rise():
+    """Counts of 6 rad/s do not hide what rises at 2 rad/s: it is its size that tells."""
+    model = Model.base('brushed_dc').with_effect('stribeck_friction', {'omega_s': 0.2})
+    assert rivals_left({}, model, NOISE) == {}

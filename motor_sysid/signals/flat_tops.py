@@ -20,8 +20,10 @@ AT_LIMIT = 0.001
 IN_A_ROW, LONG = 3, 10
 """Equal samples in a row that are no chance, in two places; and in one."""
 
-CLIFF = 5.0
-"""Steps of the converter that a jump has at least."""
+CLIFF, MANY = 5.0, 20
+"""Steps of the converter that a jump has at least; and stays beside jumps at other large values,
+none of them longer than a sample, from which on two equal samples in a row, and one more, are no
+chance."""
 
 ALIKE = 1e-3
 """Share by which the ends of a range may differ: a converter has one step more on one side."""
@@ -45,15 +47,19 @@ def limits_of(values: Array) -> tuple[float, float]:
     inside = (level != 0) & ~np.isin(level, ends)
     if not np.any(inside) or np.median(lengths[inside]) > USUAL:
         return -np.inf, np.inf
-    cliff = _between_jumps(level)
-    low, high = (
-        end if end != 0 and (
-            _is_flat(lengths[level == end], int(np.max(lengths[inside])), values.size)
-            or _is_cut(lengths[(level == end) & cliff], lengths[inside & cliff])
-        ) else outside
-        for end, outside in zip(ends, (-np.inf, np.inf), strict=True)
-    )  # fmt: skip
-    return low, high
+    jumps = _jumps(level)
+
+    def is_limit(end: float) -> bool:
+        there, high = level == end, np.abs(level) > 0.5 * abs(end)
+        between, beside = np.all(jumps, axis=0), np.any(jumps, axis=0)
+        return bool(end) and (
+            _is_flat(lengths[there], int(np.max(lengths[inside])), values.size)
+            or _is_cut(lengths[there & between], lengths[inside & between])
+            or _is_cut_again(lengths[there & beside], lengths[inside & beside & high])
+        )
+
+    low, high = ends
+    return (low if is_limit(low) else -np.inf), (high if is_limit(high) else np.inf)
 
 
 def common_limits(series: Sequence[Array]) -> tuple[float, float]:
@@ -73,13 +79,6 @@ def common_limits(series: Sequence[Array]) -> tuple[float, float]:
     return (low if least >= low else -np.inf), (high if most <= high else np.inf)
 
 
-def share_at(values: Array, limit: float) -> float:
-    """Return the share of (N,) values that stay at a limit for several samples."""
-    starts, lengths = runs(values)
-    there = lengths[(values[starts] == limit) & (lengths >= IN_A_ROW)]
-    return float(np.sum(there)) / values.size
-
-
 def _is_flat(lengths: NDArray[np.intp], elsewhere: int, count: int) -> bool:
     """Whether stays of these lengths at a limit are no chance; the longest one `elsewhere`."""
     stays = lengths[lengths >= IN_A_ROW]
@@ -93,9 +92,14 @@ def _is_cut(lengths: NDArray[np.intp], elsewhere: NDArray[np.intp]) -> bool:
     return bool(longest >= IN_A_ROW and longest > np.max(elsewhere, initial=0))
 
 
-def _between_jumps(level: Array) -> NDArray[np.bool_]:
-    """Return (S,) whether a stay at a level begins and ends with a jump, for (S,) stays."""
+def _is_cut_again(lengths: NDArray[np.intp], elsewhere: NDArray[np.intp]) -> bool:
+    """Whether short stays beside jumps are no chance: they come back, and elsewhere are none."""
+    alone = elsewhere.size >= MANY and np.max(elsewhere) == 1
+    return bool(alone and np.max(lengths, initial=0) == 2 and np.sum(lengths) >= IN_A_ROW)
+
+
+def _jumps(level: Array) -> NDArray[np.bool_]:
+    """Return (2, S) whether a stay at a level begins, and ends, with a jump, for (S,) stays."""
     step = np.min(np.diff(np.unique(level)))
     far = np.abs(np.diff(level)) >= CLIFF * step
-    both: NDArray[np.bool_] = np.append(True, far) & np.append(far, True)
-    return both
+    return np.stack([np.append(True, far), np.append(far, True)])

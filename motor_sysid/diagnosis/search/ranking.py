@@ -165,10 +165,12 @@ def rivals_left(
 
 
 def _unseen(model: Model, key: str, noise: Mapping[str, float]) -> list[str]:
-    """Return the special cases from which an effect differs by shapes that are not seen."""
+    """Return the special cases from which an effect differs by shapes alone that are not seen."""
     card, found = effect(key).card, []
     for special, pairs in card.generalises.items():
         shared = {mine for mine, _ in pairs}
+        if any(amplitude.name not in shared for amplitude in card.amplitudes):
+            continue
         names = [f'{key}.{shape.name}' for shape in card.shapes if shape.name not in shared]
         own = [p for p in map(model.parameters.__getitem__, names) if p.free]
         small = [p.value <= max(LOWEST * p.lower, noise.get(p.unit, 0.0)) for p in own]

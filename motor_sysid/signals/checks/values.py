@@ -7,7 +7,7 @@ import numpy as np
 from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.checks.common import Array, main_input, runs
 from motor_sysid.signals.finding import Finding, Severity
-from motor_sysid.signals.flat_tops import limits_of, share_at
+from motor_sysid.signals.flat_tops import limits_of
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.strays import without_strays
@@ -112,11 +112,12 @@ def _saturated(name: str, record: Record) -> Iterator[Finding]:
     for end, limit in zip(('smallest', 'largest'), limits_of(values), strict=True):
         if not np.isfinite(limit):
             continue
-        share = share_at(values, limit)
+        there = values == limit
+        share = float(np.mean(there))
         yield Finding(
             Severity.WARNING, 'saturation',
-            f'{name} stays at its {end} value {limit:.5g} {record.units[name]} for {share:.1%} of '
-            'the time',
+            f'{name} is cut off at its {end} value {limit:.5g} {record.units[name]}, in '
+            f'{np.sum(there)} of {there.size} samples',
             'what lies beyond is cut off: fits that predict this current cut that off, too, and '
             'see nothing of the largest ones; in others gains come out too small',
             'use a larger range of the sensor, or smaller inputs',
