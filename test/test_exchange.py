@@ -229,7 +229,7 @@ def test_where_the_last_fit_needs_no_effect_any_more_the_model_before_is_the_las
     base, one = fitted(), fitted('quadratic_drag')
     monkeypatch.setattr(module, 'exact', lambda rung, bench: (rung, bench))
     monkeypatch.setattr(module, 'why_needless', lambda *_: '')
-    monkeypatch.setattr(module, 'is_told', lambda *_: False)
+    monkeypatch.setattr(module, 'is_doubted', lambda *_: True)
     monkeypatch.setattr(module, 'pruned', lambda *_, **options: fitted())
     monkeypatch.setattr(module, 'relieved', lambda ladder, *_: ladder[-1][0])
     engine = SimpleNamespace(bench=None, gains={}, notes=[], tell=None)
