@@ -14,6 +14,7 @@ NOISE = np.random.default_rng(3).normal(size=4000)
 WAVE = 3.0 * np.sin(np.arange(4000) / 40) + 0.02 * NOISE
 STEPPED = 0.02 * np.round(WAVE / 0.02)
 FALLING = 3.1 * np.exp(-((np.arange(4000) + 200) % 400) / 10) + 0.02 * np.round(NOISE)
+NOISY = 0.02 * np.round(50 * (FALLING + 0.1 * np.roll(NOISE, 9)))
 NONE = (-np.inf, np.inf)
 
 
@@ -27,6 +28,8 @@ NONE = (-np.inf, np.inf)
         (np.minimum(FALLING, 2.6), (-np.inf, 2.6)),
         (np.minimum(FALLING, 3.0), NONE),
         (FALLING, NONE),
+        (np.minimum(NOISY, 2.4), (-np.inf, 2.4)),
+        (NOISY, NONE),
         (WAVE, NONE),
         (STEPPED, NONE),
         (np.maximum(WAVE, 0.0), NONE),
@@ -37,10 +40,10 @@ NONE = (-np.inf, np.inf)
         (np.where(np.arange(4000) == 7, np.nan, WAVE), NONE),
     ],
     ids=[
-        'two ends', 'steps of a converter', 'once for long',
-        'one inrush', 'two samples of each', 'one of each', 'inrushes', 'within its range',
-        'steps', 'one that shows no negative ones', 'read seldom', 'coarse', 'two plateaus',
-        'stuck', 'not finite',
+        'two ends', 'steps of a converter', 'once for long', 'one inrush', 'two samples of each',
+        'one of each', 'inrushes', 'noise of many steps', 'the same within its range',
+        'within its range', 'steps', 'one that shows no negative ones', 'read seldom', 'coarse',
+        'two plateaus', 'stuck', 'not finite',
     ],
 )  # fmt: skip
 def test_only_what_is_cut_off_has_limits(values: np.ndarray, expected: tuple[float, float]):

@@ -21,9 +21,8 @@ IN_A_ROW, LONG = 3, 10
 """Equal samples in a row that are no chance, in two places; and in one."""
 
 CLIFF, MANY = 5.0, 20
-"""Steps of the converter that a jump has at least; and stays beside jumps at other large values,
-none of them longer than a sample, from which on two equal samples in a row, and one more, are no
-chance."""
+"""Steps of the converter that a jump has at least; and stays beside jumps at other large values
+that are all shorter, from which on two equal samples in a row, and one more, are no chance."""
 
 ALIKE = 1e-3
 """Share by which the ends of a range may differ: a converter has one step more on one side."""
@@ -50,12 +49,13 @@ def limits_of(values: Array) -> tuple[float, float]:
     jumps = _jumps(level)
 
     def is_limit(end: float) -> bool:
-        there, high = level == end, np.abs(level) > 0.5 * abs(end)
+        there, large = level == end, np.abs(level) > 0.5 * abs(end)
         between, beside = np.all(jumps, axis=0), np.any(jumps, axis=0)
+        at_jumps, longest = lengths[there & beside], np.max(lengths[inside & beside], initial=0)
         return bool(end) and (
             _is_flat(lengths[there], int(np.max(lengths[inside])), values.size)
             or _is_cut(lengths[there & between], lengths[inside & between])
-            or _is_cut_again(lengths[there & beside], lengths[inside & beside & high])
+            or _is_cut_again(at_jumps, lengths[inside & beside & large], int(longest))
         )
 
     low, high = ends
@@ -92,10 +92,18 @@ def _is_cut(lengths: NDArray[np.intp], elsewhere: NDArray[np.intp]) -> bool:
     return bool(longest >= IN_A_ROW and longest > np.max(elsewhere, initial=0))
 
 
-def _is_cut_again(lengths: NDArray[np.intp], elsewhere: NDArray[np.intp]) -> bool:
-    """Whether short stays beside jumps are no chance: they come back, and elsewhere are none."""
-    alone = elsewhere.size >= MANY and np.max(elsewhere) == 1
-    return bool(alone and np.max(lengths, initial=0) == 2 and np.sum(lengths) >= IN_A_ROW)
+def _is_cut_again(
+    lengths: NDArray[np.intp], large: NDArray[np.intp], elsewhere: int
+) -> bool:
+    """Whether stays beside jumps are no chance: longer than all at other `large` values.
+
+    At small values a current is for longer, and comes back to one of them by noise; but what is as
+    long `elsewhere` as ten samples is the logger's.
+    """
+    longest = np.max(lengths, initial=0)
+    several = longest > 1 and np.sum(lengths) >= IN_A_ROW
+    alone = large.size >= MANY and longest > np.max(large)
+    return bool(several and alone and (longest < LONG or longest > elsewhere))
 
 
 def _jumps(level: Array) -> NDArray[np.bool_]:
