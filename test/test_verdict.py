@@ -1,5 +1,6 @@
 """Who wins a round, what is doubted, what a ladder comes to: the rules, one at a time."""
 
+from dataclasses import dataclass
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,6 +25,7 @@ from motor_sysid.diagnosis.search.ranking import (
 )
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.search.trial import searching, Trial
+from motor_sysid.diagnosis.verdict.evidence import as_trifles
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
@@ -764,3 +766,16 @@ def test_what_held_out_data_contest_is_told(note, evidence, held, training, told
     assert contested([one], rung(5.7), 20.0) is (one if told else None)
     if told:
         assert 'speak for cogging' in besides(one, rung(5.7))
+
+
+def test_on_a_complete_model_what_passes_is_too_little():
+    """Nobody reads that nothing is missing, and below it that something helps."""
+    @dataclass(frozen=True)
+    class Line:
+        note: str = ''
+        candidates: tuple = ()
+
+    shown = as_trifles(Line(candidates=(Line(), Line('unphysical sign'))))
+    assert [one.note for one in shown.candidates] == [
+        'what it explains is too little to be named', 'unphysical sign'
+    ]  # fmt: skip

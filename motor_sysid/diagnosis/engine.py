@@ -53,7 +53,7 @@ from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
-from motor_sysid.diagnosis.verdict.evidence import steps_of
+from motor_sysid.diagnosis.verdict.evidence import as_trifles, steps_of
 from motor_sysid.diagnosis.verdict.explain import explained
 from motor_sysid.diagnosis.verdict.left_over import left_over
 from motor_sysid.diagnosis.verdict.verdict import (
@@ -366,6 +366,8 @@ class Engine:
         named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
         steps = steps_of(ladder, rivals, self.bench)
         shown = steps if named else steps[:1]
+        if verdict is Verdict.COMPLETE:
+            shown = (as_trifles(shown[0]),)
         found = Diagnosis(
             verdict=verdict,
             effects=final.model.effects[len(ladder[0][0].model.effects) :] if named else (),

@@ -54,6 +54,14 @@ def step_of(
     )
 
 
+def as_trifles(step: Step) -> Step:
+    """Return the line of a complete model, on which what passes is said to be too little."""
+    said = 'what it explains is too little to be named'
+    return replace(
+        step, candidates=tuple(replace(one, note=one.note or said) for one in step.candidates)
+    )
+
+
 def candidate_of(
     trial: Trial,
     base: Rung,
