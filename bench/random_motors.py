@@ -1,8 +1,8 @@
 r"""Ask the command about motors drawn at random, from a simulator apart from the benchmark's.
 
-    .venv/bin/python bench/random_motors.py --seed 3 --to 66 --folder motors
-    .venv/bin/python bench/random_motors.py --seed 3 --to 66 --folder motors \
-        --markdown docs/benchmark.md
+    .venv/bin/python bench/random_motors.py --seed 6 --folder motors --results six.jsonl
+    .venv/bin/python bench/random_motors.py --seed 6 --folder motors \
+        --also bench/results/random_motors_*.jsonl --markdown page.md
 
 Motors are no data sheets: power, speed and time constants are drawn over a decade or two.  Each
 case is a folder with three CSV files, a data sheet that is up to 12 % off, and what
@@ -161,6 +161,8 @@ def main() -> int:
     parser.add_argument('--to', type=int, default=len(CASES), metavar='N', help='number of motors')
     parser.add_argument('--folder', type=Path, required=True, help='where records are written')
     parser.add_argument('--results', type=Path, metavar='FILE', help='where answers are written')
+    parser.add_argument('--also', type=Path, nargs='*', default=(), metavar='FILE',
+                        help='answers of other seeds for the table')  # fmt: skip
     parser.add_argument('--markdown', type=Path, metavar='FILE', help='page to bring up to date')
     args = parser.parse_args()
     answers = []
@@ -171,9 +173,14 @@ def main() -> int:
         lines = ''.join(f'{json.dumps(one)}\n' for one in answers)
         args.results.write_text(lines, encoding='utf-8')
     if args.markdown:
-        page = filled(args.markdown, 'random motors', table(answers))
+        page = filled(args.markdown, 'random motors', table([*kept(args.also), *answers]))
         args.markdown.write_text(page, encoding='utf-8')
     return 0
+
+
+def kept(files: Sequence[Path]) -> list[dict[str, object]]:
+    """Return the answers of results files."""
+    return [json.loads(line) for file in files for line in file.read_text('utf-8').splitlines()]
 
 
 def answer(number: int, seed: int, folder: Path) -> dict[str, object]:
