@@ -1,8 +1,8 @@
 """A brushed motor in small steps of Euler's method, apart from every model of the package.
 
 Dry friction holds until the torque exceeds it and stops the rotor where its speed changes sign;
-nothing is smoothed.  The drive holds each voltage over a sample, in steps of its PWM; an encoder
-counts; a converter shows the current.  Units are SI.
+only brushes are smoothed, over a small current.  The drive holds each voltage over a sample, in
+steps of its PWM; an encoder counts; a converter shows the current.  Units are SI.
 """
 
 from typing import NamedTuple

@@ -28,6 +28,14 @@ def fitted(friction):
     return climb(wide, bench), bench
 
 
+def steps_of(hidden, rng):
+    """Return two records of voltage steps of each of several motors, by name."""
+    return {
+        name: [measure(a_motor(law), voltage_profile('steps', 4.0, rng), rng) for _ in range(2)]
+        for name, law in hidden.items()
+    }
+
+
 def test_even_friction_needs_no_law_for_each_direction():
     rung, bench = fitted({'coulomb_friction': {'tau_c': TAU}})
     gains, said = {'asymmetric_coulomb_friction': 500.0}, []
@@ -94,10 +102,7 @@ def test_what_no_law_has_right_is_no_evidence_against_a_special_case_that_runs_b
         'uneven': {'asymmetric_coulomb_friction': uneven},
         'even': {'coulomb_friction': {'tau_c': TAU}},
     }
-    runs = {
-        name: [measure(a_motor(law), voltage_profile('steps', 4.0, rng), rng) for _ in range(2)]
-        for name, law in hidden.items()
-    }
+    runs = steps_of(hidden, rng)
     bench, base = prepared(runs['uneven'], SpeedSensor.DIFFERENCE, held=runs[held])
     model = base.model.with_effect('asymmetric_coulomb_friction', uneven, bench.scales)
     rung = climb(model, bench)
@@ -125,10 +130,7 @@ def test_a_rise_of_friction_that_is_not_told_from_nothing_has_to_show_in_held_ou
         'rises': {'stribeck_friction': rise},
         'even': {'coulomb_friction': {'tau_c': TAU}},
     }
-    runs = {
-        name: [measure(a_motor(law), voltage_profile('steps', 4.0, rng), rng) for _ in range(2)]
-        for name, law in hidden.items()
-    }
+    runs = steps_of(hidden, rng)
     bench, base = prepared(runs['rises'], SpeedSensor.DIFFERENCE, held=runs[held])
     wide = base.model.with_effect('stribeck_friction', rise, bench.scales)
     rung = climb(wide, bench)

@@ -2,6 +2,7 @@
 
 from collections.abc import Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
+from functools import partial
 from itertools import product
 
 import numpy as np
@@ -272,14 +273,11 @@ def make_bench(
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
 
     limits = sensor_limits(everything, kind)
+    cut_up = partial(make_chain, kind=kind, outputs=outputs, lent=lent, limits=limits)
 
     def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
         made = (
-            make_chain(
-                r, kind, outputs, horizon=ahead, train_fraction=cut, scored=scored, lent=lent,
-                limits=limits,
-            )
-            for r, cut in parts
+            cut_up(r, horizon=ahead, train_fraction=cut, scored=scored) for r, cut in parts
         )
         return tuple(chain for chain in made if chain)
 

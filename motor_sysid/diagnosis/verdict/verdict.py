@@ -30,11 +30,6 @@ EXPLAINED = 0.9
 predictable remains (`NEARLY_ALL` of it if several are named: together they may stand for another
 one) or where base parameters are undetermined."""
 
-ALL_ALONE = 0.995
-"""Share of the squared held-out error beyond sensor noise that one effect must explain with which
-a friction of the motor turns out to be nothing: the base model, without it, had put a part of the
-effect into that friction, and its standard error knew nothing of that."""
-
 FAINT = 0.02
 """Predictable share of the squared error below which next to nothing can be predicted."""
 
@@ -193,11 +188,11 @@ def verdict_of(
     the base model leaves beyond the noise is a trifle, and hardly falls, or next to nothing of it
     goes, nothing is then missing, if the training data do not say otherwise.
     Of several effects none may take away less than the missing physics that is left, and none may
-    leave nothing of a parameter of the motor that was well known, unless they explain all but a
-    trifle, one alone even more, and leave nothing of a shape, or the model without knew nothing.
-    Where base parameters are undetermined, what explains nearly all is named all the same; no
-    model is complete where sensors show their noise.  Where something of a shape is left, nothing
-    is named that cannot be told from nothing, nor by a model that knows nothing.
+    leave nothing of a parameter of the motor that was well known, unless several explain all but a
+    trifle and leave nothing of a shape, or the model without knew nothing.  Where base parameters
+    are undetermined, what explains nearly all is named all the same; no model is complete where
+    sensors show their noise.  Where something of a shape is left, nothing is named that cannot be
+    told from nothing, nor by a model that knows nothing.
     """
     base, final = ladder[0][0], ladder[-1][0]
     structured = left.structured
@@ -226,10 +221,7 @@ def verdict_of(
     blind = is_wild(final) or bool(untold(final.model, base.model.effects))
     if (structured and (explained < enough or blind)) or outweighed or doubted:
         return Verdict.UNKNOWN_EFFECT
-    all_of_it = ALL_BUT_A_TRIFLE if several else ALL_ALONE
-    believed = (explained > all_of_it and not structured) or (
-        explained > ALL_BUT_A_TRIFLE and is_wild(base)
-    )
+    believed = explained > ALL_BUT_A_TRIFLE and ((several and not structured) or is_wild(base))
     if not believed and gone(final.model, base.model):
         return Verdict.UNKNOWN_EFFECT
     return Verdict.AMBIGUOUS if any(rivals.values()) else Verdict.EFFECT_MISSING
