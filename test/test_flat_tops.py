@@ -15,6 +15,14 @@ WAVE = 3.0 * np.sin(np.arange(4000) / 40) + 0.02 * NOISE
 STEPPED = 0.02 * np.round(WAVE / 0.02)
 FALLING = 3.1 * np.exp(-((np.arange(4000) + 200) % 400) / 10) + 0.02 * np.round(NOISE)
 NOISY = 0.02 * np.round(50 * (FALLING + 0.1 * np.roll(NOISE, 9)))
+INRUSH = np.append(np.minimum(FALLING + 0.1 * NOISE, 2.5), np.linspace(0.0, 2.6, 2))
+
+
+def counted(most: int) -> np.ndarray:
+    """Return inrushes in steps of a converter, one of which comes to a largest number of them."""
+    return np.round(INRUSH * (most / 2.6)) / 256
+
+
 NONE = (-np.inf, np.inf)
 
 
@@ -30,6 +38,9 @@ NONE = (-np.inf, np.inf)
         (FALLING, NONE),
         (np.minimum(NOISY, 2.4), (-np.inf, 2.4)),
         (NOISY, NONE),
+        (counted(2048), (-np.inf, 8.0)),
+        (counted(1023), (-np.inf, 1023 / 256)),
+        (counted(900), NONE),
         (WAVE, NONE),
         (STEPPED, NONE),
         (np.maximum(WAVE, 0.0), NONE),
@@ -42,6 +53,7 @@ NONE = (-np.inf, np.inf)
     ids=[
         'two ends', 'steps of a converter', 'once for long', 'one inrush', 'two samples of each',
         'one of each', 'inrushes', 'noise of many steps', 'the same within its range',
+        'all steps of a sign', 'the same less one', 'some of them',
         'within its range', 'steps', 'one that shows no negative ones', 'read seldom', 'coarse',
         'two plateaus', 'stuck', 'not finite',
     ],

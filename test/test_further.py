@@ -7,9 +7,9 @@ import pytest
 from test_trials import prepared
 
 from motor_sysid.diagnosis.search.gates import NO_EVIDENCE
-from motor_sysid.diagnosis.search.refit import best_per_effect
 from motor_sysid.diagnosis.search.rounds import scored
 from motor_sysid.diagnosis.search.rung import climb, judge
+from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import gain_of_likelihood, judged, Level, searching
 from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effects import effect

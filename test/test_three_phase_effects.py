@@ -8,7 +8,7 @@ import pytest
 from motor_sysid.benchmark.three_phase import shape
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effects import catalogue
-from motor_sysid.physics.laws import amplitude, atan, cos, sin, THIRD
+from motor_sysid.physics.laws import amplitude, atan, cos, settling, sin, THIRD
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.rollout import Program
@@ -219,6 +219,9 @@ def test_helpers_of_laws():
     x = np.concatenate([np.linspace(-3, 3, 601), [-1e4, 1e4, 0.0]])
     np.testing.assert_allclose(atan(x), np.arctan(x), atol=1e-11)
     assert atan(0.3) == pytest.approx(np.arctan(0.3), abs=1e-11)
+    t = np.concatenate([[0.0], np.geomspace(1e-9, 1e4, 200)])
+    np.testing.assert_allclose(settling(t, 3.0), -3.0 * np.expm1(-t / 3.0), rtol=1e-11)
+    assert settling(0.3, 1e9) == pytest.approx(0.3, rel=1e-9)
     angle = np.linspace(0, 6, 50)
     a, b = 2.5 * cos(angle), 2.5 * (-0.5 * cos(angle) + np.sqrt(0.75) * sin(angle))
     np.testing.assert_allclose(amplitude(a, b), 2.5, rtol=1e-9)

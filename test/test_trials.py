@@ -21,7 +21,6 @@ from motor_sysid.diagnosis.search.gates import NO_EVIDENCE
 from motor_sysid.diagnosis.search.integration_steps import exact
 from motor_sysid.diagnosis.search.moments import with_honest_moments
 from motor_sysid.diagnosis.search.refit import (
-    best_per_effect,
     leads_lower,
     of_a_kind,
     try_beside,
@@ -30,6 +29,7 @@ from motor_sysid.diagnosis.search.refit import (
 )
 from motor_sysid.diagnosis.search.rounds import scored
 from motor_sysid.diagnosis.search.rung import climb, lost, Rung
+from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import Level, searching, Trial
 from motor_sysid.estimation.batch import (
     fit,
@@ -487,6 +487,20 @@ def test_a_drift_takes_nothing_from_a_friction_that_is_not_there(rough, monkeypa
     assert drift['friction_drift.d_c'].value >= 0.0
     assert drift['friction_drift.d_v'].value == pytest.approx(8e-6, rel=0.3)
     assert found.passes
+
+
+@pytest.mark.parametrize('t_d', [1.5, 1e5])
+def test_a_drift_comes_to_an_end_only_where_that_leaves_clearly_less(t_d):
+    truth = {'friction_drift': {'d_v': 2e-5, 't_d': t_d}}
+    bench, rung = prepared(records(truth, kinds=('steps', 'triangle'), seconds=4.0),
+                           SpeedSensor.DIFFERENCE)  # fmt: skip
+    found, _ = refitted('friction_drift', bench, rung)
+    drift = found.rung.model.parameters
+    assert found.passes
+    assert drift['friction_drift.t_d'].free is (t_d == 1.5)
+    if t_d == 1.5:
+        assert drift['friction_drift.t_d'].value == pytest.approx(t_d, rel=0.1)
+    assert drift['friction_drift.d_v'].value == pytest.approx(2e-5, rel=0.1)
 
 
 def test_what_a_drift_may_take_from_is_free_again_once_it_is_there():

@@ -17,9 +17,10 @@ from motor_sysid.diagnosis.search.bench import (
 )
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
 from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
-from motor_sysid.diagnosis.search.refit import best_per_effect, try_effect
+from motor_sysid.diagnosis.search.refit import try_effect
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest
+from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import Level, Trial
 from motor_sysid.diagnosis.where.compare import compare, Comparison, where_it_fails
 from motor_sysid.errors import UserError

@@ -163,6 +163,9 @@ class Shape:
     edge:
         Whether it is where one law ends and another begins: beyond the last sample that reaches
         it, data tell nothing of it.
+    bends:
+        Values, in units of the scale, from which a fit may change it after all, if the law with
+        it as it starts, where that is simplest, leaves clearly more.
     """
 
     name: str
@@ -174,6 +177,7 @@ class Shape:
     upper: float
     free: bool = True
     edge: bool = False
+    bends: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -210,6 +214,8 @@ class Card:
     drains:
         Amplitude, per second, to the parameters (of motors of every kind, of other effects) whose
         sum it must not use up within a record: friction would feed energy.
+    settles:
+        Name of the shape that is the time constant (s) with which that comes to an end.
     orders:
         Name of the shape that counts waves per turn, if the data are to be searched for it.
     carrier:
@@ -265,6 +271,7 @@ class Card:
     rotary: bool = False
     shrinks: tuple[str, ...] = ()
     drains: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    settles: str = ''
     orders: str = ''
     carrier: str = ''
     moment: str = ''

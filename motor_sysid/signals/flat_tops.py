@@ -2,7 +2,8 @@
 
 A current in steps of its converter changes from sample to sample, by noise alone.  One that stays
 at its largest value for several samples, again and again or for long, is cut off there, and so is
-one that jumps to it, stays for several samples, and leaves it by a jump.
+one that jumps to it, stays for several samples, and leaves it by a jump.  So is a largest value
+that lies as many steps from zero as a converter of some bits has there.
 """
 
 from collections.abc import Sequence
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.signals.checks.common import runs
+from motor_sysid.signals.lattice import lattice
 
 Array = NDArray[np.float64]
 
@@ -23,6 +25,10 @@ IN_A_ROW, LONG = 3, 10
 CLIFF, MANY = 5.0, 20
 """Steps of the converter that a jump has at least; and stays beside jumps at other large values
 that are all shorter, from which on two equal samples in a row, and one more, are no chance."""
+
+BITS, OFF = 9, 0.1
+"""Bits from which on a number of steps is hardly chance: two of the five hundred around 512 are
+such; and how far it may be off by printing."""
 
 ALIKE = 1e-3
 """Share by which the ends of a range may differ: a converter has one step more on one side."""
@@ -46,7 +52,7 @@ def limits_of(values: Array) -> tuple[float, float]:
     inside = (level != 0) & ~np.isin(level, ends)
     if not np.any(inside) or np.median(lengths[inside]) > USUAL:
         return -np.inf, np.inf
-    jumps = _jumps(level)
+    jumps, steps = _jumps(level), lattice(values)
 
     def is_limit(end: float) -> bool:
         there, large = level == end, np.abs(level) > 0.5 * abs(end)
@@ -56,6 +62,7 @@ def limits_of(values: Array) -> tuple[float, float]:
             _is_flat(lengths[there], int(np.max(lengths[inside])), values.size)
             or _is_cut(lengths[there & between], lengths[inside & between])
             or _is_cut_again(at_jumps, lengths[inside & beside & large], int(longest))
+            or (at_jumps.size > 0 and steps is not None and _ends_bits(abs(end) / steps.step))
         )
 
     low, high = ends
@@ -104,6 +111,13 @@ def _is_cut_again(
     several = longest > 1 and np.sum(lengths) >= IN_A_ROW
     alone = large.size >= MANY and longest > np.max(large)
     return bool(several and alone and (longest < LONG or longest > elsewhere))
+
+
+def _ends_bits(count: float) -> bool:
+    """Whether so many steps are all that a converter has on one side of zero."""
+    whole = round(count)
+    bits = (whole + 1).bit_length() - 1
+    return bits >= BITS and whole in (2**bits, 2**bits - 1) and abs(count - whole) < OFF
 
 
 def _jumps(level: Array) -> NDArray[np.bool_]:

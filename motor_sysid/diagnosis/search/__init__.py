@@ -3,9 +3,10 @@
 In reading order: `standstill` and `motor_kind` (what records allow), `held_back`, `bench` (records
 and scales, ready to fit), `moments`, `rung` (a fitted model), `sense` (whether what a fit made of
 an effect makes any), `gates` (whether a gain is real), `trial` (a candidate after its refit),
-`grid_starts`, `refit`; `confusable`, `synonyms` and `ranking` (who wins a round, and who does as
-well); `further` (what is tried where nothing helps), `rounds`; what a climb by single effects
-misses: `step_ahead`, `pairs`, `exchange`; `prune`; how exact a fit is: `edges`, `delay_profile`,
-`valleys`, `standard_errors`, `feedback` (of a controller), `pits`, `strides`, `delay_walk`,
-`integration_steps`; what is done to a finished ladder: `needless`, `polish`, `retelling`.
+`starts`, `grid_starts`, `refit`; `confusable`, `synonyms` and `ranking` (who wins a round, and who
+does as well); `further` (what is tried where nothing helps), `rounds`; what a climb by single
+effects misses: `step_ahead`, `pairs`, `exchange`; `prune`; how exact a fit is: `edges`,
+`delay_profile`, `valleys`, `standard_errors`, `feedback` (of a controller), `pits`, `strides`,
+`delay_walk`, `integration_steps`; what is done to a finished ladder: `needless`, `polish`,
+`retelling`.
 """

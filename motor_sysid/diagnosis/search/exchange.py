@@ -20,7 +20,6 @@ from motor_sysid.diagnosis.search.ranking import (
     RIVAL_SHARE,
 )
 from motor_sysid.diagnosis.search.refit import (
-    best_per_effect,
     parameters_of,
     settled,
     settled_pair,
@@ -29,6 +28,7 @@ from motor_sysid.diagnosis.search.refit import (
 )
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, SPOILED
 from motor_sysid.diagnosis.search.sense import is_impossible, senseless
+from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import Level, ONLY_NOISE, Trial
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor

@@ -13,8 +13,9 @@ from motor_sysid.diagnosis.candidates.score import score, Scored, Scores
 from motor_sysid.diagnosis.candidates.variants import Variant
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import MIN_FURTHER_GAIN_PERCENT, UNPHYSICAL
-from motor_sysid.diagnosis.search.refit import best_per_effect, better_of, chatters, STARTS, WIDE
+from motor_sysid.diagnosis.search.refit import better_of, chatters, WIDE
 from motor_sysid.diagnosis.search.rung import Rung, slopes
+from motor_sysid.diagnosis.search.starts import best_per_effect, STARTS
 from motor_sysid.diagnosis.search.trial import Trial
 
 THOROUGH = 3

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.candidates.variants import shrunk
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import NO_EVIDENCE, UNPHYSICAL
+from motor_sysid.diagnosis.search.gates import MIN_GAIN_PERCENT, NO_EVIDENCE, UNPHYSICAL
 from motor_sysid.diagnosis.search.grid_starts import starts_on_grid
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
@@ -61,10 +61,9 @@ the inductance that made up for it, shorter delays seem as good."""
 USUAL = 0.2
 """Amplitude in units of its scale from which a fit in full begins as well."""
 
-MANY, STARTS, WORTH = 4, 3, 0.5
-"""Variants above which an effect is refitted from several of them, how many at most, and what
-share of the best one's promise they must make, unless so much is missing that promises tell
-little."""
+WORTH = 0.5
+"""Share of the best one's promise that further variants must make, unless so much is missing that
+promises tell little."""
 
 
 def try_effect(starts: Sequence[Scored], level: Level, bench: Bench) -> Trial:
@@ -128,7 +127,24 @@ def try_roughly(
         return Trial(one, rung, min(one.delta_bic, 0.0), 0.0, 0.0, NO_EVIDENCE, np.inf)
     both = 'speed_sensor' in one.variant.effect.laws or best is not here
     found = [_followed(*fit, level, bench) for fit in ((here, *beside) if both else (here,))]
-    return better_of(*found, *kept)
+    return _bent(better_of(*found, *kept), level, bench)
+
+
+def _bent(trial: Trial, level: Level, bench: Bench) -> Trial:
+    """Return a trial with a shape free that was held, if that leaves clearly less."""
+    best = trial
+    for shape in trial.scored.variant.effect.card.shapes if trial.rung is not level.rung else ():
+        name, size = f'{trial.key}.{shape.name}', bench.scales.size(shape.scale)
+        for start in shape.bends:
+            model = trial.rung.model.with_values({name: start * size}).with_free([name])
+            found = rough_fit(model, trial.rung.result.weighting, bench, ROUGH_STEPS)
+            found = _undrained(found, trial.key, bench)
+            other = judged(trial.scored, _standing(found, bench), level, bench)
+            clearly = 1 - MIN_GAIN_PERCENT / 100
+            falls = 100 - other.gain_percent < clearly * (100 - best.gain_percent)
+            if falls and other.delta_bic > best.delta_bic + bench.threshold:
+                best = other
+    return best
 
 
 def better_of(*trials: Trial) -> Trial:
@@ -368,27 +384,3 @@ def parameters_of(model: Model, key: str) -> Mapping[str, tuple[float, str, floa
         p.name.split('.', 1)[1]: (p.value, p.unit, p.sigma if p.sigma is not None else 0.0)
         for p in own
     }
-
-
-def best_per_effect(scores: Sequence[Scored], limit: int) -> list[list[Scored]]:
-    """Return the best variants of each effect, at most `limit` effects, best first.
-
-    Effects with many variants have many local minima: three starts are kept of them.  With an
-    effect come its special cases, whatever their score: nothing may be named that is more than the
-    data ask for.  What generalises an effect of the model comes along, too: where its law is far
-    from the special one, no derivative tells what it is worth.
-    """
-    best: dict[str, list[Scored]] = {}
-    for one in scores:
-        best.setdefault(one.variant.effect.key, []).append(one)
-    chosen = list(best)[:limit]
-    special = [s for key in chosen for s in effect(key).card.generalises]
-    special += [key for key, found in best.items() if found[0].variant.inherits]
-    chosen += [key for key in dict.fromkeys(special) if key in best and key not in chosen]
-    return [best[key][: STARTS if _has_valleys(best[key]) else 1] for key in chosen]
-
-
-def _has_valleys(variants: Sequence[Scored]) -> bool:
-    """Whether a fit may end in a valley beside the deepest one: many shapes, or finite trials."""
-    one = variants[0].variant
-    return len(variants) > MANY or not one.model.parameters.free

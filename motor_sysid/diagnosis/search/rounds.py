@@ -34,7 +34,6 @@ from motor_sysid.diagnosis.search.ranking import (
     winner_of,
 )
 from motor_sysid.diagnosis.search.refit import (
-    best_per_effect,
     leads_lower,
     of_a_kind,
     settled,
@@ -51,6 +50,7 @@ from motor_sysid.diagnosis.search.rung import (
     Rung,
     slopes,
 )
+from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import Level, ONLY_NOISE, SURELY_MORE, Trial
 from motor_sysid.estimation.batch import FitResult, Weighting
 from motor_sysid.physics.effect import Effect

@@ -2,6 +2,7 @@
 
 from motor_sysid.physics.effect import Scale
 from motor_sysid.physics.effects import effect
+from motor_sysid.physics.laws import settling
 from motor_sysid.physics.model import Model
 
 TOLD = 2.0
@@ -70,10 +71,12 @@ def is_vague(model: Model, key: str, special: str) -> bool:
 
 def feeds(model: Model, key: str, duration: float) -> bool:
     """Whether an effect uses up a friction in `duration` s for certain, and feeds energy then."""
-    for name, sources in effect(key).card.drains.items():
+    card = effect(key).card
+    lasting = settling(duration, model[f'{key}.{card.settles}']) if card.settles else duration
+    for name, sources in card.drains.items():
         p = model.parameters[f'{key}.{name}']
         there = sum(model[source] for source in sources if source in model.parameters)
-        if (p.value + TOLD * (p.sigma or 0.0)) * duration < -there:
+        if (p.value + TOLD * (p.sigma or 0.0)) * lasting < -there:
             return True
     return False
 

@@ -1,19 +1,26 @@
-"""Friction that changes steadily with time: grease that warms, a seal that runs in, wear."""
+"""Friction that changes with time: grease that warms, a seal that runs in, wear."""
 
-from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
-from motor_sysid.physics.laws import smooth_sign
+from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
+from motor_sysid.physics.laws import settling, smooth_sign
 
 CARD = Card(
     title='friction drift',
-    equation='tau = -t (d_c sign(omega) + d_v omega)  (t: time since the start of the record)',
+    equation='tau = -t_d (1 - exp(-t/t_d)) (d_c sign(omega) + d_v omega)  (t: time since the '
+    'start of the record; where t_d is long, -t (d_c sign(omega) + d_v omega))',
     symptom='The same motion needs less (or more) current at the end of the record than at its '
     'beginning.',
     reference='Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012), Static '
     'friction in a robot joint: modeling and identification of load and temperature effects',
     enters=Enters.MECHANICAL,
     amplitudes=(
-        Amplitude('d_c', 'N m/s', 'growth of Coulomb friction in a second', Scale.DRIFT),
-        Amplitude('d_v', 'N m/rad', 'growth of viscous friction in a second', Scale.VISCOUS_DRIFT),
+        Amplitude('d_c', 'N m/s', 'growth of Coulomb friction in a second, as the record begins',
+                  Scale.DRIFT),
+        Amplitude('d_v', 'N m/rad', 'growth of viscous friction in a second, as the record begins',
+                  Scale.VISCOUS_DRIFT),
+    ),
+    shapes=(
+        Shape('t_d', 's', 'time constant with which the growth comes to an end', Scale.DURATION,
+              (1e4,), 0.05, 1e4, free=False, bends=(0.3,)),
     ),
     axis='time',
     drains={
@@ -21,9 +28,12 @@ CARD = Card(
                 'asymmetric_coulomb_friction.tau_c_plus'),
         'd_v': ('b', 'k_v'),
     },
-)
+    settles='t_d',
+)  # fmt: skip
 
 
-def torque(omega: float, t: float, omega_eps: float, d_c: float, d_v: float) -> float:
+def torque(
+    omega: float, t: float, omega_eps: float, d_c: float, d_v: float, t_d: float
+) -> float:
     """Torque in N m."""
-    return -t * (d_c * smooth_sign(omega, omega_eps) + d_v * omega)
+    return -settling(t, t_d) * (d_c * smooth_sign(omega, omega_eps) + d_v * omega)
