@@ -35,7 +35,7 @@ def drift_of(
 
     Only outputs count whose error in that record is more than `least` (n_y,).
     """
-    residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
+    residuals = [*by_chain(training.residuals, chains[0]), *by_chain(held.residuals, chains[1])]
     return max((_slow(r, least) for r in residuals if len(r) >= _SHORTEST), default=0.0)
 
 

@@ -89,6 +89,6 @@ def _squares(
 ) -> Iterator[tuple[Chain, Array]]:
     """Yield each chain that is scored with the (N,) squares of its errors, of noise 1 at most."""
     scored = [chain for chain in chains if any(stretch.scored for stretch in chain)]
-    for chain, residual in zip(scored, by_chain(comparison, chains), strict=True):
+    for chain, residual in zip(scored, by_chain(comparison.residuals, chains), strict=True):
         scaled = residual / np.maximum(least, 1e-300)
         yield chain, np.mean(scaled**2, axis=1)

@@ -1,11 +1,12 @@
 """Records that a model describes unevenly: what is missing acts in some of them only.
 
-Sensors make the same error in every record, and so do random loads, within a tenth or two.  A
-drive that clips only in the largest moves cannot be predicted from the records in which it did
-not, but it shows: the model fails there, and holds in the others.
+Sensors make the same error in every record but for their noise, and so do random loads, within a
+tenth or two.  A drive that clips only in the largest moves cannot be predicted from the records in
+which it did not, but it shows: the model fails there, and holds in the others.
 """
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.methods.reference import moving_references
-from motor_sysid.signals.lattice import lattice
+from motor_sysid.signals.noise import noise_sigmas
 
 Array = NDArray[np.float64]
 
@@ -26,10 +27,6 @@ FEW = 1e-3
 """Share of the samples, those with the largest errors, that counts for nothing: one commutation
 that a model puts into the sample before may weigh as much as ten thousand good samples."""
 
-OF_COUNTS = 0.5
-"""Most that the difference of counts may err by, root mean square, in units of its step: that of
-two values in equal parts.  A motion in step with the counts makes less of it, down to nothing."""
-
 
 def unevenness_of(
     training: Comparison,
@@ -40,20 +37,35 @@ def unevenness_of(
 ) -> float:
     """Return how many times larger an output's error is in one record than in another, at most.
 
-    The smaller one counts as sensor noise at least, which is `noise` (n_y,), or what counts make
-    at most where an output is the difference of these.  Records under control and others are
-    compared apart: a controller lets random loads do less to the speed.
+    The smaller one counts as sensor noise at least, which is `noise` (n_y,), or what the other
+    record shows of it.  Records under control and others are compared apart: a controller lets
+    random loads do less to the speed.
     """
-    noise = np.maximum(noise, _of_counts([*training.measured, *held.measured], differenced))
-    residuals = [*by_chain(training, chains[0]), *by_chain(held, chains[1])]
-    loops = [loop for side in chains for loop in _loops(side)]
+    sides = (training, chains[0]), (held, chains[1])
+    residuals = [r for side, chain in sides for r in by_chain(side.residuals, chain)]
+    measured = [m for side, chain in sides for m in by_chain(side.measured, chain)]
+    errors = np.array([but_for_few(residual) for residual in residuals])
+    own = np.array(list(map(partial(_own_noise, differenced), residuals, measured)))
+    loops = np.array([loop for side in chains for loop in _loops(side)])
     ratios = [1.0]
-    for kind in set(loops):
-        own = [r for r, loop in zip(residuals, loops, strict=True) if loop == kind]
-        errors = np.array([but_for_few(residual) for residual in own])
-        best = np.maximum(np.min(errors, axis=0), noise)
-        ratios.append(float(np.max(np.max(errors, axis=0) / np.maximum(best, 1e-300))))
+    for kind in set(loops.tolist()):
+        among = loops == kind
+        best = np.maximum(np.min(errors[among], axis=0), noise)
+        least = np.maximum(np.maximum(best, own[among]), 1e-300)
+        ratios.append(float(np.max(errors[among] / least)))
     return max(ratios)
+
+
+def _own_noise(differenced: Sequence[bool], residual: Array, measured: Array) -> Array:
+    """Return (n_y,) fast noise that one record shows, in what was measured and in what is left.
+
+    A current ripples more at another speed, brushes spark more at another current, and counts err
+    by nothing where the motion is in step with them.
+    """
+    found: Array = np.minimum(
+        noise_sigmas([residual], differenced), noise_sigmas([measured], differenced)
+    )
+    return found
 
 
 def but_for_few(residual: Array) -> Array:
@@ -65,16 +77,6 @@ def but_for_few(residual: Array) -> Array:
     return rms
 
 
-def _of_counts(measured: Sequence[Array], differenced: Sequence[bool]) -> Array:
-    """Return (n_y,) the most that counts make of each output (N, n_y); 0 where it is of none."""
-    columns = np.concatenate(measured).T
-    steps = [
-        lattice(column) if late else None
-        for column, late in zip(columns, differenced, strict=True)
-    ]
-    return np.array([OF_COUNTS * found.step if found else 0.0 for found in steps])
-
-
 def _loops(chains: Sequence[Chain]) -> Iterator[bool]:
     """Yield of each chain that is scored whether its record holds a reference that moves."""
     for chain in chains:
@@ -83,10 +85,10 @@ def _loops(chains: Sequence[Chain]) -> Iterator[bool]:
             yield any(moving_references(record) for record in records)
 
 
-def by_chain(comparison: Comparison, chains: Sequence[Chain]) -> Iterator[Array]:
-    """Yield the residual (N, n_y) of each chain that is scored."""
-    residuals = iter(comparison.residuals)
+def by_chain(parts: Sequence[Array], chains: Sequence[Chain]) -> Iterator[Array]:
+    """Yield of (N, n_y) residuals, or the like, of all stretches those of each scored chain."""
+    rest = iter(parts)
     for chain in chains:
-        own = list(islice(residuals, sum(stretch.scored for stretch in chain)))
+        own = list(islice(rest, sum(stretch.scored for stretch in chain)))
         if own:
             yield np.concatenate(own)
