@@ -8,6 +8,7 @@ from motor_sysid.signals.checks import (
     encoder,
     excitation,
     jumps,
+    noisy_input,
     phases,
     plausibility,
     strays,
@@ -16,6 +17,7 @@ from motor_sysid.signals.checks import (
     values,
 )
 from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.noisy_input import told_noisy_inputs
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.strays import told_strays
 
@@ -45,7 +47,7 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
     if not any(finding.code == 'non_finite' for finding in findings):
         for check in (
             encoder.check, excitation.check, dynamics.check, phases.check, jumps.check,
-            strays.check, updates.check,
+            strays.check, updates.check, noisy_input.check,
         ):  # fmt: skip
             findings += check(every)
         findings += plausibility.check(every, k_e)
@@ -56,10 +58,12 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
 def seen_by_fits(records: Sequence[Record]) -> tuple[str, ...]:
     """Say what is odd about records as they were measured: what a fit mends, or takes for physics.
 
-    Stray samples, which it does not see, and signals that are held between their updates.
+    Stray samples and noise of a voltage, which it does not see, and signals that are held between
+    their updates.
     """
     slow = updates.slow_signals(records)
-    return (*told_strays(records), *(f'{one}: {one.harm}' for one in slow))
+    mended = (*told_strays(records), *told_noisy_inputs(records))
+    return (*mended, *(f'{one}: {one.harm}' for one in slow))
 
 
 def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:

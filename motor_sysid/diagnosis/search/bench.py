@@ -32,6 +32,7 @@ from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.scales import Scales, scales_of
 from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.motion import with_motion
+from motor_sysid.signals.noisy_input import with_quiet_inputs
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.strays import without_strays
 from motor_sysid.threads import in_threads
@@ -147,11 +148,12 @@ class Bench:
 def prepared(
     records: Sequence[Record], wanted: str | None, known: Mapping[str, float]
 ) -> list[Record]:
-    """Return uniform records without stray samples, with what the motor needs and others tell.
+    """Return uniform records without stray samples and noise of a voltage that does not act.
 
-    That is a position from Hall sectors, or speed and acceleration from the position.
+    And with what the motor needs and others tell: a position from Hall sectors, or speed and
+    acceleration from the position.
     """
-    even = [without_strays(record).uniform() for record in records]
+    even = with_quiet_inputs([without_strays(record).uniform() for record in records])
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):
