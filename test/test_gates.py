@@ -258,6 +258,18 @@ def test_what_does_not_come_back_within_a_record_is_no_periodic_load(hertz, sens
     assert found == ('' if sense else 'swings less than once within a record')
 
 
+@pytest.mark.parametrize(('share', 'free', 'sense'), [
+    (0.0, True, False), (0.5, True, True), (0.0, False, True),
+])  # fmt: skip
+def test_friction_that_drifts_no_more_once_a_record_has_begun_is_no_drift(share, free, sense):
+    """It is friction; of the shortest time constant that a drift may have, and a fit chose it."""
+    model = with_effect('friction_drift', {'d_c': 1e-3})
+    p = model.parameters['friction_drift.t_d']
+    model = model.with_values({p.name: p.lower + share * p.lower}).with_free([p.name], free=free)
+    found = senseless(model, 'friction_drift', 8.0)
+    assert found == ('' if sense else 'has come to its end as a record begins')
+
+
 @pytest.mark.parametrize(('moment', 'sense'), [(0.0, False), (0.07, False), (0.09, True)])
 def test_what_is_there_from_the_start_of_a_record_on_does_not_set_in(moment, sense):
     model = with_effect('load_torque_step', {'tau_l': 1e-3, 't_on': moment})

@@ -14,6 +14,7 @@ from motor_sysid.diagnosis.search.gates import (
     UNPHYSICAL,
 )
 from motor_sysid.diagnosis.search.rung import Rung
+from motor_sysid.diagnosis.search.sense import is_lowest, LOWEST
 from motor_sysid.diagnosis.search.synonyms import is_other_name
 from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.physics.effects import effect
@@ -28,9 +29,6 @@ no law has right to the last detail, where the gain is lost in the noise of the 
 
 SPECIAL_SHARE = 0.5
 """A special case goes first if it explains this share of what its generalisation explains."""
-
-LOWEST = 1.01
-"""A shape lies on its lower bound up to this multiple of it."""
 
 LEFT_OVER = 0.2
 """Share of an effect's gain that nothing else may explain on top of it, or it is not named: what
@@ -99,7 +97,7 @@ def is_special(trial: Trial) -> bool:
     """Whether a shape lies on its lower bound: bristles that do not bend, say."""
     names = [f'{trial.key}.{shape.name}' for shape in trial.scored.variant.effect.card.shapes]
     own = [trial.rung.model.parameters[n] for n in names if n in trial.rung.model.parameters]
-    return any(p.free and p.value <= LOWEST * p.lower for p in own)
+    return any(map(is_lowest, own))
 
 
 def may_rival(trial: Trial, winner: Trial | None = None) -> bool:

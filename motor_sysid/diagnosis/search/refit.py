@@ -142,7 +142,8 @@ def _bent(trial: Trial, level: Level, bench: Bench) -> Trial:
             other = judged(trial.scored, _standing(found, bench), level, bench)
             clearly = 1 - MIN_GAIN_PERCENT / 100
             falls = 100 - other.gain_percent < clearly * (100 - best.gain_percent)
-            if falls and other.delta_bic > best.delta_bic + bench.threshold:
+            sound = other.passes or not best.passes
+            if falls and sound and other.delta_bic > best.delta_bic + bench.threshold:
                 best = other
     return best
 

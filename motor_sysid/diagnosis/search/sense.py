@@ -4,10 +4,14 @@ from motor_sysid.physics.effect import Scale
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.laws import settling
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.parameters import Parameter
 
 TOLD = 2.0
 """Standard errors of the last fit, whose noise is taken as it is, that an amplitude must be from
 zero: fewer, and its 95 % interval holds zero."""
+
+LOWEST = 1.01
+"""A shape lies on its lower bound up to this multiple of it."""
 
 MOMENTS_APART = 100
 """Moments of a record that can be told apart: what matters lasts a hundredth of it."""
@@ -31,11 +35,14 @@ def senseless(model: Model, key: str, duration: float) -> str:
 
     Times, speeds and angles are bounded by what the records show; a ratio by what it means, and on
     its upper bound it means nothing.  What comes back at a frequency must do so within the
-    `duration` of a record, s, and what sets in must not have done so as it begins.
+    `duration` of a record, s, and what sets in, or comes to an end, must not have done so as it
+    begins.
     """
     card = effect(key).card
     if card.moment and model[f'{key}.{card.moment}'] * MOMENTS_APART < duration:
         return 'is there from the start of a record on'
+    if card.settles and is_lowest(model.parameters[f'{key}.{card.settles}']):
+        return 'has come to its end as a record begins'
     if card.frequency and model[f'{key}.{card.frequency}'] * duration < 1.0:
         return 'swings less than once within a record'
     for shape in card.shapes:
@@ -43,6 +50,11 @@ def senseless(model: Model, key: str, duration: float) -> str:
         if shape.scale is Scale.ONE and p.free and p.value >= 0.99 * p.upper:
             return f'{shape.name} ({shape.description}) is at the limit of what makes sense'
     return ''
+
+
+def is_lowest(p: Parameter) -> bool:
+    """Whether a fit has taken a parameter to its lower bound."""
+    return p.free and p.value <= LOWEST * p.lower
 
 
 def narrowed(model: Model, key: str) -> str:

@@ -20,7 +20,7 @@ CARD = Card(
     ),
     shapes=(
         Shape('t_d', 's', 'time constant with which the growth comes to an end', Scale.DURATION,
-              (1e4,), 0.05, 1e4, free=False, bends=(0.3,)),
+              (1e4,), 0.15, 1e4, free=False, bends=(0.4,)),
     ),
     axis='time',
     drains={
