@@ -281,6 +281,19 @@ def test_an_input_without_its_direction_is_told() -> None:
     assert 'unsigned_input' not in found(without('position', 'current')(GOOD))
 
 
+@pytest.mark.parametrize('name', ['current', 'speed'])
+def test_a_signal_without_its_direction_is_told(name: str) -> None:
+    """Of a motor that only ever turns one way, or is only ever driven one way, nothing is."""
+    codes = found(GOOD.with_signal(name, np.abs(GOOD[name]), GOOD.units[name]))
+    assert codes[f'unsigned_{name}'].severity == 'error'
+    assert name in codes[f'unsigned_{name}'].remedy
+    assert f'unsigned_{name}' not in found(GOOD)
+    lifted = GOOD.with_signal('speed', GOOD['speed'] + 2 * np.max(GOOD['speed']), 'rad/s')
+    slope = np.polyfit(GOOD['speed'], GOOD['voltage'], 1)[0]
+    volts = GOOD['voltage'] + slope * 2 * np.max(GOOD['speed'])
+    assert 'unsigned_speed' not in found(lifted.with_signal('voltage', volts, 'V'))
+
+
 def test_motor_that_never_moves() -> None:
     still = GOOD.with_signal('speed', np.zeros(6000), 'rad/s')
     codes = found(without('position')(still))

@@ -11,6 +11,7 @@ from motor_sysid.signals.checks import (
     noisy_input,
     phases,
     plausibility,
+    signs,
     strays,
     timing,
     updates,
@@ -47,7 +48,7 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
     if not any(finding.code == 'non_finite' for finding in findings):
         for check in (
             encoder.check, excitation.check, dynamics.check, phases.check, jumps.check,
-            strays.check, updates.check, noisy_input.check,
+            strays.check, updates.check, noisy_input.check, signs.check,
         ):  # fmt: skip
             findings += check(every)
         findings += plausibility.check(every, k_e)
