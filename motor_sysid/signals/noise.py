@@ -34,10 +34,7 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
     """
     if values.size < 4 * _WINDOW:
         return float(np.std(np.diff(values)) / np.sqrt(2)) if values.size > 2 else 0.0
-    kernel = -savgol_coeffs(_WINDOW, _DEGREE)
-    kernel[_WINDOW // 2] += 1.0
-    left = np.convolve(values, kernel, mode='valid')
-    shape = np.convolve(kernel, [1.0, -1.0]) / np.sqrt(2) if differenced else kernel
+    left, shape = _beside_cubics(values, differenced)
     spectrum = np.abs(np.fft.rfft(shape, 512)) ** 2
     freedom = _BLOCK * np.mean(spectrum) ** 2 / np.mean(spectrum**2)
     edges = np.linspace(0, left.size, left.size // _BLOCK + 1).astype(int)
@@ -47,6 +44,25 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
         return 0.0
     low = chi2.ppf(_QUANTILE, freedom) / freedom
     return float(np.sqrt(np.quantile(moving, _QUANTILE) / low / np.sum(shape**2)))
+
+
+def fast_rms(values: Array, *, differenced: bool = False) -> float:
+    """Return the root mean square of white noise that would be as fast as (N,) values are.
+
+    As `noise_sigma`, but over all blocks: noise that grows with the signal counts as it is.
+    """
+    if values.size < 4 * _WINDOW:
+        return noise_sigma(values)
+    left, shape = _beside_cubics(values, differenced)
+    return float(np.sqrt(np.mean(left**2) / np.sum(shape**2)))
+
+
+def _beside_cubics(values: Array, differenced: bool) -> tuple[Array, Array]:
+    """Return what cubics leave of (N,) values, and which sum of white noise that would be."""
+    kernel = -savgol_coeffs(_WINDOW, _DEGREE)
+    kernel[_WINDOW // 2] += 1.0
+    left = np.convolve(values, kernel, mode='valid')
+    return left, np.convolve(kernel, [1.0, -1.0]) / np.sqrt(2) if differenced else kernel
 
 
 def noise_sigmas(parts: Sequence[Array], differenced: Sequence[bool]) -> Array:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.methods.reference import moving_references
-from motor_sysid.signals.noise import noise_sigmas
+from motor_sysid.signals.noise import fast_rms
 
 Array = NDArray[np.float64]
 
@@ -62,10 +62,11 @@ def _own_noise(differenced: Sequence[bool], residual: Array, measured: Array) ->
     A current ripples more at another speed, brushes spark more at another current, and counts err
     by nothing where the motion is in step with them.
     """
-    found: Array = np.minimum(
-        noise_sigmas([residual], differenced), noise_sigmas([measured], differenced)
+    both = (
+        [fast_rms(part[:, j], differenced=late) for j, late in enumerate(differenced)]
+        for part in (residual, measured)
     )
-    return found
+    return np.minimum(*map(np.array, both))
 
 
 def but_for_few(residual: Array) -> Array:
