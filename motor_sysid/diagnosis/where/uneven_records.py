@@ -62,11 +62,12 @@ def _own_noise(differenced: Sequence[bool], residual: Array, measured: Array) ->
     A current ripples more at another speed, brushes spark more at another current, and counts err
     by nothing where the motion is in step with them.
     """
-    both = (
+    both = [
         [fast_rms(part[:, j], differenced=late) for j, late in enumerate(differenced)]
         for part in (residual, measured)
-    )
-    return np.minimum(*map(np.array, both))
+    ]
+    least: Array = np.min(both, axis=0)
+    return least
 
 
 def but_for_few(residual: Array) -> Array:
