@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from motor_sysid.signals.lattice import lattice
-from motor_sysid.signals.noise import noise_sigmas, rounding_sigmas
+from motor_sysid.signals.noise import fast_part, noise_sigmas, rounding_sigmas
 from motor_sysid.signals.record import Record
 
 
@@ -56,3 +56,17 @@ def test_large_gaps_between_few_levels_are_no_step():
     rng = np.random.default_rng(0)
     near = np.round(np.cumsum(rng.normal(0, 0.05, 4000)), 1)
     assert lattice(np.where(rng.random(4000) < 0.3, 100 * near, near)).step == pytest.approx(0.1)
+
+
+def test_what_is_fast_is_as_large_as_the_noise_that_makes_it():
+    """Also where that grows with the signal, which a low quantile of blocks does not show."""
+    white = np.random.default_rng(4).normal(size=20_001)
+    swing = 5.0 * np.sin(np.arange(20_000) / 50)
+    assert np.std(fast_part(swing)) < 1e-3
+    assert np.std(fast_part(swing + white[1:])) == pytest.approx(1.0, rel=0.03)
+    late = fast_part(swing + np.diff(white), differenced=True)
+    assert np.std(late) == pytest.approx(np.sqrt(2), rel=0.03)
+    grows = swing * (1 + 0.1 * white[1:])
+    assert np.std(fast_part(grows)) == pytest.approx(0.1 * np.std(swing), rel=0.05)
+    assert noise_sigmas([grows[:, np.newaxis]], [False])[0] < 0.8 * 0.1 * np.std(swing)
+    assert fast_part(np.arange(5.0)).size == 5

@@ -46,15 +46,16 @@ def noise_sigma(values: Array, *, differenced: bool = False) -> float:
     return float(np.sqrt(np.quantile(moving, _QUANTILE) / low / np.sum(shape**2)))
 
 
-def fast_rms(values: Array, *, differenced: bool = False) -> float:
-    """Return the root mean square of white noise that would be as fast as (N,) values are.
+def fast_part(values: Array, *, differenced: bool = False) -> Array:
+    """Return what is fast in (N,) values, as large as the white noise would be that made it.
 
-    As `noise_sigma`, but over all blocks: noise that grows with the signal counts as it is.
+    That noise is differenced over one sample, if so told.  (N - 8,), or (N,) of few values.
     """
     if values.size < 4 * _WINDOW:
-        return noise_sigma(values)
+        return values - np.mean(values)
     left, shape = _beside_cubics(values, differenced)
-    return float(np.sqrt(np.mean(left**2) / np.sum(shape**2)))
+    fast: Array = left / np.sqrt(np.sum(shape**2))
+    return fast
 
 
 def _beside_cubics(values: Array, differenced: bool) -> tuple[Array, Array]:

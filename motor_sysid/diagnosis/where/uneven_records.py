@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.methods.reference import moving_references
-from motor_sysid.signals.noise import fast_rms
+from motor_sysid.signals.noise import fast_part
 
 Array = NDArray[np.float64]
 
@@ -62,11 +62,12 @@ def _own_noise(differenced: Sequence[bool], residual: Array, measured: Array) ->
     A current ripples more at another speed, brushes spark more at another current, and counts err
     by nothing where the motion is in step with them.
     """
-    both = [
-        [fast_rms(part[:, j], differenced=late) for j, late in enumerate(differenced)]
-        for part in (residual, measured)
-    ]
-    least: Array = np.min(both, axis=0)
+    parts = (
+        [fast_part(values[:, j], differenced=late) for j, late in enumerate(differenced)]
+        for values in (residual, measured)
+    )
+    both = [but_for_few(np.stack(fast, axis=1)) for fast in parts]
+    least: Array = np.minimum(*both)
     return least
 
 
