@@ -30,7 +30,7 @@ from motor_sysid.estimation.batch import (
     observed_outputs,
     Problem,
     refit,
-    sensor_limits,
+    sensors_of,
     Transfer,
     transfer,
 )
@@ -113,8 +113,8 @@ def compare_model(
     """Run a model over records, freely, and say where it fails."""
     evens = prepared(records, model.motor, model.parameters.values())
     outputs = observed_outputs(model.kind, evens)
-    limits = sensor_limits(evens, model.kind)
-    chains = [make_chain(r, model.kind, outputs, limits=limits) for r in evens]
+    sensors = sensors_of(evens, model.kind)
+    chains = [make_chain(r, model.kind, outputs, sensors=sensors) for r in evens]
     comparison = compare(model, chains, outputs)
     return comparison, where_it_fails(model, evens, comparison)
 

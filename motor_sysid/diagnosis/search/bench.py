@@ -21,7 +21,7 @@ from motor_sysid.estimation.batch import (
     misfit,
     observed_outputs,
     Problem,
-    sensor_limits,
+    sensors_of,
     thinned,
 )
 from motor_sysid.physics.drive import input_signals
@@ -34,6 +34,7 @@ from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.noisy_input import with_quiet_inputs
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.slow_updates import with_moving_positions
 from motor_sysid.signals.strays import without_strays
 from motor_sysid.threads import in_threads
 
@@ -154,6 +155,7 @@ def prepared(
     acceleration from the position.
     """
     even = with_quiet_inputs([without_strays(record).uniform() for record in records])
+    even = with_moving_positions(even)
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):
@@ -274,8 +276,8 @@ def make_bench(
     defaults = {p.name: p.value for p in kind.parameters}
     horizon = look_ahead(kind, {**defaults, **values}, train, outputs)
 
-    limits = sensor_limits(everything, kind)
-    cut_up = partial(make_chain, kind=kind, outputs=outputs, lent=lent, limits=limits)
+    sensors = sensors_of(everything, kind)
+    cut_up = partial(make_chain, kind=kind, outputs=outputs, lent=lent, sensors=sensors)
 
     def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
         made = (

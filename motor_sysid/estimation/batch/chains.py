@@ -1,6 +1,6 @@
 """Records cut into what is simulated in one go: stretches, and chains of them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.sensors import Sensors, sensors_of
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
-from motor_sysid.signals.flat_tops import common_limits, limits_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
+Rows = NDArray[np.intp]
 
 _REST_TIME = 0.02
 _COARSE = 0.015
@@ -55,6 +56,9 @@ class Stretch:
     limits:
         (2, n_y) smallest and largest value that the sensor of each output can show; None where
         none of them is known.
+    news:
+        (N, n_y) row of the run that each output shows in a row, where some are held for several;
+        None where each is new in every row.
     """
 
     record: Record
@@ -65,6 +69,7 @@ class Stretch:
     state_size: Array
     scored_from: int = 0
     limits: Array | None = None
+    news: Rows | None = None
 
     @property
     def scored(self) -> bool:
@@ -78,6 +83,8 @@ class Stretch:
 
     def shown(self, run: Array) -> Array:
         """Return what sensors show where they count, of (N, n_y, P) outputs of a simulation."""
+        if self.news is not None:
+            run = np.take_along_axis(run, self.news[:, :, np.newaxis], axis=0)
         counts = run[self.scored_from :]
         if self.limits is None:
             return counts
@@ -92,9 +99,6 @@ class Stretch:
 
 Chain = tuple[Stretch, ...]
 """Stretches that follow each other in time: the memory of effects carries on."""
-
-Limits = Mapping[str, tuple[float, float]]
-"""Smallest and largest value that a signal's sensor can show."""
 
 
 def observed_outputs(kind: Motor, records: Sequence[Record]) -> tuple[str, ...]:
@@ -126,7 +130,7 @@ def make_chain(
     train_fraction: float = 1.0,
     scored: str = 'all',
     lent: bool = False,
-    limits: Limits | None = None,
+    sensors: Sensors | None = None,
 ) -> Chain:
     """Cut a record into stretches; none where nothing of it counts.
 
@@ -147,15 +151,16 @@ def make_chain(
     lent:
         Whether the held-back part is cut into pieces, each run from the measured state, of which
         every other one, the first included, counts as training data.
-    limits:
-        What `sensor_limits` tells of all records of the motor, beside what this one shows itself.
+    sensors:
+        What all records of the motor tell of its sensors; else what this one shows itself.
     """
     even = record.uniform()
-    drive, shown = Drive.of(even, kind), _limits(even, kind, outputs, limits or {})
+    drive, known = Drive.of(even, kind), sensors or sensors_of([even], kind)
+    shown = known.limits_of(even, kind, outputs), known.news_of(even, outputs)
     cut = round(train_fraction * len(even))
     if horizon is None and not lent and scored != 'train' and cut < len(even):
         judged = cut if scored == 'validate' else 0
-        return (_stretch(even, drive, 0, len(even), kind, outputs, judged, shown),)
+        return (_stretch(even, drive, 0, len(even), kind, outputs, judged, *shown),)
     parts = [
         (first, last, scored in ('all', role))
         for first, last, role in _roles(len(even), cut, lent=lent)
@@ -170,7 +175,7 @@ def make_chain(
         edges = np.linspace(first, last, pieces + 1).astype(int)
         for a, b in pairwise(edges.tolist()):
             unscored = 0 if counts else b - a
-            chain.append(_stretch(even, drive, a, b, kind, outputs, unscored, shown))
+            chain.append(_stretch(even, drive, a, b, kind, outputs, unscored, *shown))
     return tuple(chain)
 
 
@@ -220,13 +225,14 @@ def _window(
     """Cut rows first to last out of a stretch, run in from a little earlier."""
     begin = max(first - _RUN_IN, 0)
     return _stretch(
-        stretch.record, stretch.drive, begin, last, kind, outputs, first - begin, stretch.limits
-    )
+        stretch.record, stretch.drive, begin, last, kind, outputs, first - begin, stretch.limits,
+        stretch.news,
+    )  # fmt: skip
 
 
 def _stretch(
     even: Record, drive: Drive, first: int, last: int, kind: Motor, outputs: Sequence[str],
-    scored_from: int, limits: Array | None,
+    scored_from: int, limits: Array | None, news: Rows | None,
 ) -> Stretch:  # fmt: skip
     """Prepare rows first to last; a stretch that begins at rest starts from rest."""
     record = even.slice(first, last)
@@ -251,35 +257,10 @@ def _stretch(
         elif name in shown and shown[name] in record and not at_rest:
             state[j] = _value_at(even[shown[name]], first, coarse=coarse)
     mine = drive.part(first, last)
-    return Stretch(record, mine, measured, state, tuple(still_open), size, scored_from, limits)
-
-
-def sensor_limits(records: Sequence[Record], kind: Motor) -> Limits:
-    """Return the smallest and the largest value that the sensor of each current can show.
-
-    Infinite where no record of a motor shows it.  A speed or a position that stays where it is at
-    most may be that of a motor at its end stop.
-    """
-    names = {name for record in records for name in _measured_currents(kind) & set(record)}
-    return {name: common_limits([r[name] for r in records if name in r]) for name in names}
-
-
-def _measured_currents(kind: Motor) -> set[str]:
-    return {o.signal for o in kind.outputs if o.state in kind.currents}
-
-
-def _limits(
-    record: Record, kind: Motor, outputs: Sequence[str], common: Limits
-) -> Array | None:
-    """Return (2, n_y) limits of the sensors of currents among the outputs; None if there are none.
-
-    Where a record does not show any itself, those that are `common` to all of the motor.
-    """
-    currents, beyond = _measured_currents(kind), (-np.inf, np.inf)
-    own = np.array([limits_of(record[n]) if n in currents else beyond for n in outputs]).T
-    shared = np.array([common.get(n, beyond) for n in outputs]).T
-    limits = np.where(np.isfinite(own), own, shared)
-    return limits if np.any(np.isfinite(limits)) else None
+    own = None if news is None else np.maximum(news[first:last] - first, 0)
+    return Stretch(
+        record, mine, measured, state, tuple(still_open), size, scored_from, limits, own
+    )
 
 
 def _value_at(values: Array, index: int, *, coarse: bool) -> float:

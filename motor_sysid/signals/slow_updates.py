@@ -1,0 +1,133 @@
+"""Signals that are new less often than the record has samples, and are held in between.
+
+Held in between, a signal is late by half of that in the mean, which looks like a lag of its
+sensor.  A fit compares it with what the model shows at the time of its last news.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.signals.channels import Role, role_of
+from motor_sysid.signals.checks.common import runs
+from motor_sysid.signals.checks.values import SLOW
+from motor_sysid.signals.lattice import lattice
+from motor_sysid.signals.record import Record
+
+Rows = NDArray[np.intp]
+
+FEWEST = 50
+"""Changes of a signal below which nothing is told."""
+
+REGULAR = 0.9
+"""Share of the changes that must be whole periods apart."""
+
+SHORTEST = 0.6
+"""Length in units of the usual one below which a value is not held as long as others."""
+
+COUNT = 1.5
+"""Change in units of a counter's step below which it counts a slow motion, however regular."""
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A signal that is new in one sample of `period` only, every `seconds`.
+
+    Or, where that is only `about` so, at times of its own, after as many in the mean.
+    """
+
+    name: str
+    period: int
+    seconds: float
+    about: bool = False
+
+    def __str__(self) -> str:
+        return (
+            f'{self.name} is new in {"about " if self.about else ""}one sample of {self.period} '
+            f'only, every {1e3 * self.seconds:.4g} ms'
+        )
+
+
+def slow_signals(records: Sequence[Record]) -> Iterator[Slow]:
+    """Yield the measured signals that are new less often than the records have samples."""
+    for name in dict.fromkeys(name for record in records for name in record):
+        if role_of(name) is not Role.MEASURED or name in SLOW:
+            continue
+        having = [record for record in records if name in record]
+        lengths = [found for record in having if (found := held_lengths(record, name)).size]
+        periods = {period for found in lengths if (period := period_of(found)) > 1}
+        if len(periods) == 1:
+            (period,) = periods
+            yield Slow(name, period, period * having[0].dt)
+        elif lengths and not periods and is_held(np.concatenate(lengths)):
+            mean = float(np.mean(np.concatenate(lengths)))
+            yield Slow(name, round(mean), mean * having[0].dt, about=True)
+
+
+def held_lengths(record: Record, name: str) -> Rows:
+    """Return for how many samples each value of a signal is held; nothing if that tells nothing.
+
+    That is so where it seldom changes, and where it counts a slow motion.
+    """
+    values = record[name]
+    starts, lengths = runs(values)
+    inside = lengths[1:-1]
+    if inside.size < FEWEST:
+        return inside[:0]
+    found, changes = lattice(values), np.abs(np.diff(values[starts]))
+    return inside[:0] if found and np.median(changes) < COUNT * found.step else inside
+
+
+def period_of(lengths: Rows) -> int:
+    """Return after how many samples a signal changes, 1 if it may in each."""
+    period = int(np.bincount(lengths).argmax())
+    return period if period > 1 and np.mean(lengths % period == 0) > REGULAR else 1
+
+
+def is_held(lengths: Rows) -> bool:
+    """Tell whether a signal is new at times of its own: nearly always after about as long."""
+    usual = float(np.median(lengths))
+    return bool(np.mean(lengths >= max(2.0, SHORTEST * usual)) > REGULAR)
+
+
+def periods_of(records: Sequence[Record]) -> dict[str, int]:
+    """Return for how many samples measured signals are held, of those that are so for as many."""
+    return {one.name: one.period for one in slow_signals(records) if not one.about}
+
+
+def news_of(record: Record, name: str, period: int = 1) -> Rows | None:
+    """Return for each row of a measured signal the one in which what it shows was new, (N,).
+
+    It is held for `period` samples, if that is more than one; else its values may tell that it is
+    held, at times of its own.  None where it is new in every row, for all that is known.
+    """
+    if role_of(name) is not Role.MEASURED or name in SLOW:
+        return None
+    if period == 1 and not ((lengths := held_lengths(record, name)).size and is_held(lengths)):
+        return None
+    starts, _ = runs(record[name])
+    new = np.zeros(len(record), dtype=np.bool_)
+    new[starts] = True
+    if period > 1 and starts.size > 1:
+        new[np.bincount(starts[1:] % period).argmax() :: period] = True
+    return np.maximum.accumulate(np.where(new, np.arange(len(record)), 0))
+
+
+def with_moving_positions(records: Sequence[Record]) -> list[Record]:
+    """Return records whose positions, where they are held, move on straight from news to news.
+
+    Those beside a speed, that is: without one a fit compares what is held.
+    """
+    period = periods_of(records).get('position', 1)
+    return [_with_moving_position(r, period) if 'speed' in r else r for r in records]
+
+
+def _with_moving_position(record: Record, period: int) -> Record:
+    news = news_of(record, 'position', period) if 'position' in record else None
+    if news is None:
+        return record
+    rows, values = np.unique(news), record['position']
+    moving = np.interp(np.arange(values.size), rows, values[rows])
+    return record.with_signal('position', moving, record.units['position'])

@@ -1,0 +1,86 @@
+"""A signal that is held between updates is compared with the model as it was when it was new."""
+
+from bench_motor import records
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.estimation.batch import make_chain, sensors_of, thinned
+from motor_sysid.physics.motors import motor
+from motor_sysid.signals.doctor import seen_by_fits
+from motor_sysid.signals.record import Record
+from motor_sysid.signals.slow_updates import news_of, periods_of, with_moving_positions
+
+KIND, OUTPUTS = motor('brushed_dc'), ('speed', 'current')
+EVERY = 10
+
+
+def held(record: Record, *names: str, first: int = 3) -> Record:
+    """Return a record of which some signals are new in one sample of ten only."""
+    rows = np.arange(len(record))
+    last = np.maximum((rows - first) // EVERY * EVERY + first, 0)
+    for name in names:
+        record = record.with_signal(name, record[name][last], record.units[name])
+    return record
+
+
+def test_what_a_signal_shows_is_told_by_when_it_changes():
+    record = held(records({}, kinds=('steps',))[0], 'current')
+    news = news_of(record, 'current', periods_of([record])['current'])
+    assert news is not None
+    assert np.array_equal(np.unique(news)[1:], np.arange(3, len(record), EVERY))
+    assert np.all((np.arange(len(record)) - news)[3:] < EVERY)
+    assert news_of(record, 'speed') is None
+    assert news_of(record, 'voltage', 5) is None
+
+
+def test_at_times_of_its_own_too():
+    record = records({}, kinds=('steps',))[0]
+    gaps = np.random.default_rng(1).integers(6, 13, 600)
+    new = np.cumsum(gaps)[np.cumsum(gaps) < len(record)]
+    last = np.concatenate(([0], new))[np.searchsorted(new, np.arange(len(record)), side='right')]
+    late = record.with_signal('current', record['current'][last], 'A')
+    news = news_of(late, 'current')
+    assert news is not None
+    assert np.mean(news == last) > 0.9
+
+
+def test_one_record_tells_of_the_sensor_in_all_and_windows_keep_it():
+    """In the other the motor rests, and its current changes too seldom to tell."""
+    moving = held(records({}, kinds=('steps',))[0], 'current')
+    still = np.where(np.arange(len(moving)) < 3003, 0.0, 0.5)
+    resting = moving.with_signal('current', still, 'A')
+    sensors = sensors_of([moving, resting], KIND)
+    assert sensors.periods == {'current': EVERY}
+    (stretch,) = make_chain(resting, KIND, OUTPUTS, sensors=sensors)
+    run = np.arange(len(resting))[:, np.newaxis, np.newaxis] * np.ones((1, 2, 1))
+    shown = stretch.shown(run)[:, :, 0]
+    assert np.array_equal(shown[:, 0], np.arange(len(resting)))
+    assert np.array_equal(np.unique(shown[:, 1])[1:], np.arange(3, len(resting), EVERY))
+    windows = thinned([(stretch,)], KIND, OUTPUTS, 2000)
+    for (window,) in windows:
+        some = np.arange(len(window.record))[:, np.newaxis, np.newaxis] * np.ones((1, 2, 1))
+        lag = (some[window.scored_from :] - window.shown(some))[:, 1, 0]
+        assert 0 <= np.min(lag) <= np.max(lag) < EVERY
+    (plain,) = make_chain(resting, KIND, OUTPUTS)
+    assert plain.news is None
+
+
+def test_a_position_that_is_held_moves_on_straight():
+    clean = records({}, kinds=('sines',))[0]
+    late = held(clean, 'position', 'speed')
+    (moved,) = with_moving_positions([late])
+    off, before = (np.max(np.abs(r['position'] - clean['position'])) for r in (moved, late))
+    assert off < 0.3 * before
+    alone = held(clean, 'position').select(['voltage', 'position'])
+    assert with_moving_positions([alone]) == [alone]
+
+
+@pytest.mark.parametrize('names', [('current',), ('speed', 'position')])
+def test_what_is_held_is_no_missing_physics(names):
+    *train, valid = (held(one, *names) for one in records({'coulomb_friction': {'tau_c': 4e-3}}))
+    assert 'as it was then' in ' '.join(seen_by_fits(train))
+    found = diagnose(train, [valid])
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert found.model.effects == ('coulomb_friction',)
+    assert found.model['coulomb_friction.tau_c'] == pytest.approx(4e-3, rel=0.02)
