@@ -1,5 +1,7 @@
 """A signal that is held between updates is compared with the model as it was when it was new."""
 
+from dataclasses import replace
+
 from bench_motor import records
 import numpy as np
 import pytest
@@ -9,7 +11,12 @@ from motor_sysid.estimation.batch import make_chain, sensors_of, thinned
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.doctor import seen_by_fits
 from motor_sysid.signals.record import Record
-from motor_sysid.signals.slow_updates import news_of, periods_of, with_moving_positions
+from motor_sysid.signals.slow_updates import (
+    news_of,
+    periods_of,
+    told_slow,
+    with_moving_positions,
+)
 
 KIND, OUTPUTS = motor('brushed_dc'), ('speed', 'current')
 EVERY = 10
@@ -30,19 +37,25 @@ def test_what_a_signal_shows_is_told_by_when_it_changes():
     assert news is not None
     assert np.array_equal(np.unique(news)[1:], np.arange(3, len(record), EVERY))
     assert np.all((np.arange(len(record)) - news)[3:] < EVERY)
-    assert news_of(record, 'speed') is None
+    assert news_of(record, 'speed', 1) is None
     assert news_of(record, 'voltage', 5) is None
 
 
-def test_at_times_of_its_own_too():
+def test_what_is_new_at_times_of_its_own_is_taken_as_it_is_and_said_to_be_late():
     record = records({}, kinds=('steps',))[0]
-    gaps = np.random.default_rng(1).integers(6, 13, 600)
-    new = np.cumsum(gaps)[np.cumsum(gaps) < len(record)]
+    new = np.cumsum(np.random.default_rng(1).integers(6, 13, 600))
+    new = new[new < len(record)]
     last = np.concatenate(([0], new))[np.searchsorted(new, np.arange(len(record)), side='right')]
     late = record.with_signal('current', record['current'][last], 'A')
-    news = news_of(late, 'current')
-    assert news is not None
-    assert np.mean(news == last) > 0.9
+    assert periods_of([late]) == {}
+    (told,) = told_slow([late])
+    assert told.startswith('current is new in about one sample of')
+    assert 'late by half' in told
+    (even,) = told_slow([held(record, 'current')])
+    assert 'as it was then' in even
+    time = record.time + 2e-4 * np.random.default_rng(2).uniform(-1, 1, len(record))
+    (jittered,) = told_slow([replace(held(record, 'current'), time=time)])
+    assert 'late by half' in jittered
 
 
 def test_one_record_tells_of_the_sensor_in_all_and_windows_keep_it():

@@ -20,7 +20,7 @@ from motor_sysid.signals.checks import (
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.noisy_input import told_noisy_inputs
 from motor_sysid.signals.record import Record
-from motor_sysid.signals.slow_updates import slow_signals
+from motor_sysid.signals.slow_updates import told_slow
 from motor_sysid.signals.strays import told_strays
 
 
@@ -63,9 +63,8 @@ def seen_by_fits(records: Sequence[Record]) -> tuple[str, ...]:
     Stray samples and noise of a voltage, which it does not see, and signals that are held between
     their updates.
     """
-    slow = slow_signals(records)
-    mended = (*told_strays(records), *told_noisy_inputs(records))
-    return (*mended, *(f'{one}: a fit compares it with the model as it was then' for one in slow))
+    even = [record.uniform() for record in records]
+    return (*told_strays(records), *told_noisy_inputs(even), *told_slow(records))
 
 
 def by_severity(findings: Iterable[Finding]) -> tuple[Finding, ...]:

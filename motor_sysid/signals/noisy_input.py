@@ -204,8 +204,8 @@ def _regressed(x: Array, y: Array) -> tuple[Array, Array]:
 
 
 def told_noisy_inputs(records: Sequence[Record]) -> tuple[str, ...]:
-    """Say which voltages `with_quiet_inputs` smooths."""
+    """Say which voltages of uniform records `with_quiet_inputs` smooths."""
     return tuple(
         f'{one.record.provenance.source or "a record"}: {one}, which a fit smooths between steps'
-        for one in noisy_inputs_of([record.uniform() for record in records])
+        for one in noisy_inputs_of(records)
     )

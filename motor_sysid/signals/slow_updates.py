@@ -1,7 +1,9 @@
 """Signals that are new less often than the record has samples, and are held in between.
 
 Held in between, a signal is late by half of that in the mean, which looks like a lag of its
-sensor.  A fit compares it with what the model shows at the time of its last news.
+sensor.  Where that comes at even times, a fit compares it with what the model shows at the time of
+its last news.  A speed that is new at times of its own may be what its sensor made of the time
+since.
 """
 
 from collections.abc import Iterator, Sequence
@@ -97,22 +99,37 @@ def periods_of(records: Sequence[Record]) -> dict[str, int]:
     return {one.name: one.period for one in slow_signals(records) if not one.about}
 
 
-def news_of(record: Record, name: str, period: int = 1) -> Rows | None:
+def news_of(record: Record, name: str, period: int) -> Rows | None:
     """Return for each row of a measured signal the one in which what it shows was new, (N,).
 
-    It is held for `period` samples, if that is more than one; else its values may tell that it is
-    held, at times of its own.  None where it is new in every row, for all that is known.
+    Parameters
+    ----------
+    record:
+        Evenly sampled record.
+    period:
+        For how many samples the signal is held; with 1 it is new in every row, and nothing is
+        returned.
     """
-    if role_of(name) is not Role.MEASURED or name in SLOW:
-        return None
-    if period == 1 and not ((lengths := held_lengths(record, name)).size and is_held(lengths)):
+    if role_of(name) is not Role.MEASURED or period == 1:
         return None
     starts, _ = runs(record[name])
     new = np.zeros(len(record), dtype=np.bool_)
     new[starts] = True
-    if period > 1 and starts.size > 1:
+    if starts.size > 1:
         new[np.bincount(starts[1:] % period).argmax() :: period] = True
     return np.maximum.accumulate(np.where(new, np.arange(len(record)), 0))
+
+
+def told_slow(records: Sequence[Record]) -> tuple[str, ...]:
+    """Say which signals of records as they were measured are held, and what a fit makes of it."""
+    even = all(record.is_uniform for record in records)
+    known, not_known = 'a fit compares it with the model as it was then', (
+        'held in between, it is late by half of that in the mean, which looks like a lag of its '
+        'sensor'
+    )
+    return tuple(
+        f'{one}: {known if even and not one.about else not_known}' for one in slow_signals(records)
+    )
 
 
 def with_moving_positions(records: Sequence[Record]) -> list[Record]:

@@ -13,7 +13,7 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
         yield Finding(
             Severity.WARNING, 'slow_updates', str(found),
             'held in between, it is late by half of that in the mean, which looks like a lag of '
-            'its sensor; fits and diagnoses of evenly sampled records know, all else does not',
+            'its sensor; fits and diagnoses know where updates and samples are even',
             'record it as often as the other signals',
             {'samples': found.period, 'period_s': found.seconds},
         )  # fmt: skip
