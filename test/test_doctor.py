@@ -287,6 +287,7 @@ def test_a_signal_without_its_direction_is_told(name: str) -> None:
     codes = found(GOOD.with_signal(name, np.abs(GOOD[name]), GOOD.units[name]))
     assert codes[f'unsigned_{name}'].severity == 'error'
     assert name in codes[f'unsigned_{name}'].remedy
+    assert re.search(r'between [\d.]+ and [\d.]+ (A|rad/s) all', codes[f'unsigned_{name}'].message)
     assert f'unsigned_{name}' not in found(GOOD)
     lifted = GOOD.with_signal('speed', GOOD['speed'] + 2 * np.max(GOOD['speed']), 'rad/s')
     slope = np.polyfit(GOOD['speed'], GOOD['voltage'], 1)[0]

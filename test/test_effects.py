@@ -13,6 +13,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, Problem
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import Effect, Enters
+from motor_sysid.physics.effect_file import checked
 from motor_sysid.physics.effects import add_effect_file, catalogue, effect
 from motor_sysid.physics.lanes import compile_effect
 from motor_sysid.physics.model import Model
@@ -97,6 +98,7 @@ def test_card_is_complete(key):
     assert card.reference
     assert card.amplitudes, 'an effect needs a parameter that switches it off'
     assert card.axis in ('speed', 'position', 'current', 'time')
+    assert checked(one).card is card
     for p in card.parameters:
         assert p.unit
         assert p.description
@@ -407,6 +409,7 @@ LAW = 'def torque(omega, a):\n    return -a * omega'
         ({'law': 'def torque(a):\n    raise ValueError("no")'}, r'`torque\(...\)` fails: V'),
         ({'law': 'def torque(a):\n    return "much"'}, r'`torque\(...\)` fails'),
         ({'law': 'def torque(omega):\n    return -omega'}, 'no law reads its parameter `a`'),
+        ({'enters': 'Enters.MECHANICAL, settles="t_d"'}, '`t_d`, which is none of its shapes'),
         ({'amplitudes': ''}, 'no amplitude'),
         ({'amplitudes': 2 * SIZE}, 'two parameters are called `a`'),
         ({'enters': '"mechanical"'}, "`enters` is 'mechanical'; give one of Enters"),

@@ -40,19 +40,23 @@ def test_steps_stay_steps():
     )
 
 
-def test_a_restless_voltage_that_acts_is_left_alone():
-    """In one of the records, or in all: they have one sensor."""
+@pytest.mark.parametrize('inductance', [2.4e-4, 2.4e-3, 2e-2])
+def test_a_restless_voltage_that_acts_is_left_alone(inductance):
+    """In one of the records, or in all: they have one sensor.  A slow winding answers slowly."""
     rng = np.random.default_rng(2)
     volts = voltage_profile('steps', 6.0, rng) + NOISE * rng.normal(size=6000)
-    acts = measure(a_motor({}), volts, rng)
+    acts = measure(a_motor({}).with_values({'L': inductance}), volts, rng)
     assert not list(noisy_inputs_of([acts]))
     assert not list(noisy_inputs_of([acts, *map(noisy, records({}))]))
 
 
-def test_without_steps_or_a_current_nothing_is_told():
+def test_without_steps_or_a_current_of_each_sample_nothing_is_told():
     smooth = noisy(records({}, kinds=('sines',))[0])
     assert not list(noisy_inputs_of([smooth]))
     stepped = noisy(records({}, kinds=('steps',))[0])
+    last = np.arange(len(stepped)) // 10 * 10
+    late = stepped.with_signal('current', stepped['current'][last], 'A')
+    assert not list(noisy_inputs_of([late, late, late]))
     blind = Record(stepped.time, {'voltage': stepped['voltage']}, {'voltage': 'V'})
     assert not list(noisy_inputs_of([blind]))
     assert len(list(noisy_inputs_of([stepped, smooth]))) == 2

@@ -121,6 +121,10 @@ def _problem(one: Effect) -> str:
     if broken:
         return f'`{broken}` is no function'
     read = {name for law in laws.values() for name in arguments(law)} | {card.delay}
+    shapes = [shape.name for shape in card.shapes]
+    named = (card.orders, card.moment, card.frequency, card.settles, card.pace)
+    if stray := next((name for name in named if name and name not in shapes), ''):
+        return f'the card names `{stray}`, which is none of its shapes'
     if unread := [name for name in names if name not in read]:
         return f'no law reads its parameter `{unread[0]}`'
     return next(filter(None, (_fault(name, law) for name, law in laws.items())), '')

@@ -15,6 +15,7 @@ from scipy.signal import savgol_filter
 
 from motor_sysid.signals.noise import noise_sigma
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.slow_updates import periods_of
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
@@ -37,7 +38,7 @@ LAGS = 4
 ACTS, KNOWN = 0.1, 0.03
 """Answer to the noise, in units of that to steps, below which it is the sensor's, and the standard
 error up to which it is told.  Seen: 0.02 at most with noise of a sensor; what a controller makes
-of that of its own sensors came to 0.2 to 1 in 40 loops."""
+of that of its own sensors came to 0.2 to 1 in 51 records."""
 
 FEWEST, STEPS = 500, 20
 """Samples between steps, and steps, that it takes."""
@@ -97,8 +98,11 @@ def noisy_inputs_of(records: Sequence[Record]) -> Iterator[NoisyInput]:
     """Yield the uniform records of one motor whose voltage has noise that does not act.
 
     It acts in none of them, or in all: they have one sensor.  Of a voltage without steps, or
-    beside a current that is noisier than what steps make of it, nothing is told.
+    beside a current that is held between updates, or noisier than what steps make of it, nothing
+    is told.
     """
+    if ANSWER in periods_of(records):
+        return
     found = [one for record in records if (one := _restless(record))]
     if sum(len(one.steps[1]) for one in found) < STEPS * LAGS:
         return

@@ -34,11 +34,11 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
             left = volts - back_emf * speed
             signed, unsigned = ([x] for x in (current * np.sign(left), current))
             if _share(signed, left) > WITH and _share(unsigned, left) < WITHOUT:
-                yield _unsigned('current')
+                yield _unsigned('current', record)
         elif _has_one_sign(speed) and not _has_one_sign(current):
             signed, unsigned = ([x, current] for x in (speed * np.sign(volts), speed))
             if _share(signed, volts) > WITH and _share(unsigned, volts) < WITHOUT:
-                yield _unsigned('speed')
+                yield _unsigned('speed', record)
 
 
 def _has_one_sign(values: Array) -> bool:
@@ -58,13 +58,16 @@ def _share(columns: Sequence[Array], values: Array) -> float:
     return 1.0 - float(np.mean(left**2)) / max(float(np.mean(values**2)), 1e-300)
 
 
-def _unsigned(name: str) -> Finding:
+def _unsigned(name: str, record: Record) -> Finding:
+    low, high = float(np.min(record[name])), float(np.max(record[name]))
+    unit = record.units[name]
     return Finding(
         Severity.ERROR, f'unsigned_{name}',
-        f'{name} has one sign all the time, and voltage, speed and current only go together with '
-        'both: its direction was not recorded',
+        f'{name} is between {low:.4g} and {high:.4g} {unit} all the time, and '
+        'voltage, speed and current only go together if it has both signs: its direction was not '
+        'recorded',
         'no model can follow it: resistance and motor constant come out as nonsense',
         f'record the direction of the {name} as well and multiply by it (`product` of two signals '
         f'in a msg_config file), or leave the {name} out',
-        {},
+        {f'lowest_{unit}': low, f'highest_{unit}': high},
     )  # fmt: skip
