@@ -7,6 +7,7 @@ import pytest
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.estimation.batch.chains import make_chain, thinned
+from motor_sysid.estimation.batch.sampling import linear_of
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.flat_tops import common_limits, limits_of
 
@@ -87,15 +88,16 @@ def cut_off(limit: float, effects: dict[str, dict[str, float]]):
 
 def test_a_stretch_shows_what_its_sensor_can_and_windows_of_it_do_so_too():
     record = cut_off(1.0, {})[0]
-    kind = motor('brushed_dc')
-    (stretch,) = make_chain(record, kind, ('speed', 'current'))
+    kind, outputs = motor('brushed_dc'), ('speed', 'current')
+    (stretch,) = make_chain(record, kind, outputs)
     run = np.full((len(record), 2, 1), 5.0)
-    assert np.all(stretch.shown(run) == [[5.0], [1.0]])
-    (window, *_), *_ = thinned([(stretch,)], kind, ('speed', 'current'), 2000)
+    linear = linear_of(kind, {p.name: np.array([p.value]) for p in kind.parameters}, outputs)
+    assert np.all(stretch.shown(run, linear) == [[5.0], [1.0]])
+    (window, *_), *_ = thinned([(stretch,)], kind, outputs, 2000)
     assert np.array_equal(window.limits, stretch.limits)
-    (whole,) = make_chain(records({})[0], kind, ('speed', 'current'))
+    (whole,) = make_chain(records({})[0], kind, outputs)
     assert whole.limits is None
-    assert np.all(whole.shown(run) == 5.0)
+    assert np.all(whole.shown(run, linear) == 5.0)
 
 
 def test_parameters_are_those_of_the_motor_whatever_is_cut_off():

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 import contextlib
+from dataclasses import replace
 from pathlib import Path
 import shutil
 import struct
@@ -23,6 +24,7 @@ import yaml
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording import load, Loaded
+from motor_sysid.recording.msg_config import load_msg_config
 from motor_sysid.recording.rosbag import Bag
 from motor_sysid.recording.save import write_record
 from motor_sysid.signals import Record
@@ -466,11 +468,26 @@ def test_repeated_and_zero_stamps(tmp_path: Path) -> None:
 
 
 def test_topics_with_other_stamps_are_joined(tmp_path: Path) -> None:
-    """Voltage 0.3 ms later than speed: averaged over each row, the rest interpolated or exact."""
+    """Voltage 0.3 ms later than speed and current: their own samples are kept."""
     record = motor_record(200)
     loaded = load(write_bag(tmp_path / 'bag', motor_topics(record, lag=300_000)))
     (joined,) = loaded.records
     assert 'topics_joined' in codes(loaded)
+    count = len(joined) - 1
+    assert np.array_equal(joined['voltage'], record['voltage'][: len(joined)])
+    between = 0.7 * record['speed'][:count] + 0.3 * record['speed'][1 : count + 1]
+    assert joined['speed'][:count] == pytest.approx(between)
+    own = joined.samples['speed']
+    assert np.array_equal(own.values[: count + 1], record['speed'][: count + 1])
+    assert own.time[: count + 1] == pytest.approx(record.time[: count + 1] - 3e-4)
+
+
+def test_an_input_with_other_stamps_than_the_chosen_clock_is_averaged(tmp_path: Path) -> None:
+    record = motor_record(200)
+    path = write_bag(tmp_path / 'bag', motor_topics(record, lag=300_000))
+    config = replace(load_msg_config('default'), base_clock='speed')
+    (joined,) = load(path, config).records
+    assert not joined.samples.keys() & {'speed', 'position'}
     k = round(joined.time[0] / record.dt) or 1
     expected = 0.3 * record['voltage'][k - 1 :] + 0.7 * np.append(record['voltage'][k:], 0)
     count = min(len(joined), expected.size) - 3
@@ -523,7 +540,9 @@ def test_missing_values_and_wrong_types(tmp_path: Path) -> None:
     messages[20] = (messages[20][0], joints(messages[20][0], [], [], []))
     topics['/motor/speed'] = (kind, messages)
     loaded = load(write_bag(tmp_path / 'bag', topics))
-    assert sum(map(len, loaded.records)) == 48
+    (record,) = loaded.records
+    assert len(record) == 50
+    assert record.samples['speed'].time.size == 48
     assert 'missing_values' in codes(loaded)
     topics['/motor/speed'] = (VECTOR, topics['/motor/voltage'][1])
     with pytest.raises(UserError, match=r'no field `velocity`.*header, vector'):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
-from motor_sysid.estimation.batch import make_chain, sensors_of, thinned
+from motor_sysid.estimation.batch import linear_of, make_chain, sensors_of, thinned
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.doctor import seen_by_fits
 from motor_sysid.signals.record import Record
@@ -20,6 +20,7 @@ from motor_sysid.signals.slow_updates import (
 
 KIND, OUTPUTS = motor('brushed_dc'), ('speed', 'current')
 EVERY = 10
+ALONE = linear_of(KIND, {p.name: np.array([p.value]) for p in KIND.parameters}, OUTPUTS)
 
 
 def held(record: Record, *names: str, first: int = 3) -> Record:
@@ -35,8 +36,7 @@ def test_what_a_signal_shows_is_told_by_when_it_changes():
     record = held(records({}, kinds=('steps',))[0], 'current')
     news = news_of(record, 'current', periods_of([record])['current'])
     assert news is not None
-    assert np.array_equal(np.unique(news)[1:], np.arange(3, len(record), EVERY))
-    assert np.all((np.arange(len(record)) - news)[3:] < EVERY)
+    assert np.array_equal(news, [0, *range(3, len(record), EVERY)])
     assert news_of(record, 'speed', 1) is None
     assert news_of(record, 'voltage', 5) is None
 
@@ -67,16 +67,16 @@ def test_one_record_tells_of_the_sensor_in_all_and_windows_keep_it():
     assert sensors.periods == {'current': EVERY}
     (stretch,) = make_chain(resting, KIND, OUTPUTS, sensors=sensors)
     run = np.arange(len(resting))[:, np.newaxis, np.newaxis] * np.ones((1, 2, 1))
-    shown = stretch.shown(run)[:, :, 0]
+    shown = stretch.shown(run, ALONE)[:, :, 0]
     assert np.array_equal(shown[:, 0], np.arange(len(resting)))
     assert np.array_equal(np.unique(shown[:, 1])[1:], np.arange(3, len(resting), EVERY))
     windows = thinned([(stretch,)], KIND, OUTPUTS, 2000)
     for (window,) in windows:
         some = np.arange(len(window.record))[:, np.newaxis, np.newaxis] * np.ones((1, 2, 1))
-        lag = (some[window.scored_from :] - window.shown(some))[:, 1, 0]
+        lag = (some[window.scored_from :] - window.shown(some, ALONE))[:, 1, 0]
         assert 0 <= np.min(lag) <= np.max(lag) < EVERY
     (plain,) = make_chain(resting, KIND, OUTPUTS)
-    assert plain.news is None
+    assert not any(plain.sampling)
 
 
 def test_a_position_that_is_held_moves_on_straight():

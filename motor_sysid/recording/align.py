@@ -3,7 +3,8 @@
 The rows of a record are the stamps of one topic, the base clock (the fastest unless one is
 chosen).  A signal whose topic has a message with that stamp gives its value exactly.  Elsewhere
 measured signals are interpolated linearly, references and codes held, and an input that changes
-within a row is averaged over it, so that the volt-seconds stay right.
+within a row is averaged over it, so that the volt-seconds stay right.  What was measured, and
+when, is kept beside what is interpolated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,7 +18,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.recording.rows import gap_limit, out_of_order, Rows, times, true_order
 from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.finding import Finding, Severity
-from motor_sysid.signals.record import resample
+from motor_sysid.signals.record import resample, Samples
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
@@ -69,8 +70,9 @@ class Series:
 def choose_base(series: Sequence[Series], signal: str) -> Series:
     """Return the series of the chosen signal, or the one with most messages.
 
-    Of topics with about as many messages, the one that carries the speed (or else position or
-    current) is taken, so that measurements need not be interpolated.
+    Of topics with about as many messages, the one that carries an input is taken, so that a row
+    has one input: when a measured signal was sampled is known, what an input did within a row is
+    not.  Without one it is that of the speed, or else position or current.
     """
     if signal:
         for one in series:
@@ -79,7 +81,8 @@ def choose_base(series: Sequence[Series], signal: str) -> Series:
         raise UserError(f'base_clock `{signal}` is not in the data; leave it out or name another')
     most = max(one.stamps.size for one in series)
     fast = [one for one in series if one.stamps.size >= NEARLY * most]
-    for name in MEASURED:
+    driven = [name for one in fast for name in one.signals if role_of(name) is Role.INPUT]
+    for name in (*driven, *MEASURED):
         for one in fast:
             if name in one.signals:
                 return one
@@ -128,23 +131,31 @@ def _in_order(one: Series, findings: list[Finding]) -> Series:
 
 
 def _epochs(series: Sequence[Series]) -> list[list[Series]]:
-    """Cut all topics where the first one jumps back; each piece strictly increasing."""
-    base = series[0]
-    back = np.flatnonzero(np.diff(base.stamps) < 0) + 1
-    edges = [-(2**62), *base.received[back].tolist(), 2**62]
+    """Cut all topics where the first one jumps back; each piece strictly increasing.
+
+    One that jumps back as often is cut where it does so itself.
+    """
+    anew = [one.received[_backward(one)] for one in series]
+    cuts = [own if own.size == anew[0].size else anew[0] for own in anew]
     epochs = []
-    for start, stop in pairwise(edges):
-        inside = [
-            one.take((one.received >= start) & (one.received < stop)) if back.size else one
-            for one in series
-        ]
-        epochs.append([_increasing(one) for one in inside])
+    for k in range(anew[0].size + 1):
+        pieces = []
+        for one, at in zip(series, cuts, strict=True):
+            start, stop = ([-(2**62), *at.tolist(), 2**62])[k : k + 2]
+            inside = (one.received >= start) & (one.received < stop)
+            pieces.append(_increasing(one.take(inside) if at.size else one))
+        epochs.append(pieces)
     return epochs
+
+
+def _backward(one: Series) -> NDArray[np.intp]:
+    """Return the messages whose stamps lie before that of the message before."""
+    return np.flatnonzero(np.diff(one.stamps) < 0) + 1
 
 
 def _increasing(one: Series) -> Series:
     """Keep the longest stretch without a step back, and the first of equal stamps."""
-    back = np.flatnonzero(np.diff(one.stamps) < 0) + 1
+    back = _backward(one)
     if back.size:
         edges = [0, *back.tolist(), one.stamps.size]
         start, stop = max(pairwise(edges), key=lambda edge: edge[1] - edge[0])
@@ -192,7 +203,7 @@ def _joined(
     """Join one epoch."""
     stamps, origin = clock.stamps, int(clock.stamps[0])
     time = (stamps - origin) / 1e9
-    signals = dict(clock.signals)
+    signals, samples = dict(clock.signals), dict[str, Samples]()
     good = np.ones(stamps.size, dtype=bool)
     edges = _edges(time)
     for one in sorted(others, key=_is_reference):  # what moved without them must be known first
@@ -204,11 +215,13 @@ def _joined(
         good &= covered
         for name, values in one.signals.items():
             signals[name] = _carried(name, one, values, stamps, origin, edges)
+            if role_of(name) is Role.MEASURED and not np.all(np.isin(stamps, one.stamps)):
+                samples[name] = Samples((one.stamps - origin) / 1e9, values)
         if not np.array_equal(one.stamps, stamps) and one.stamps.size:
             findings.append(_how_joined(one, clock))
     if stamps.size and np.mean(good) < 1:
         _note_uncovered(good, time, findings)
-    rows = Rows(time, signals, units)
+    rows = Rows(time, signals, units, samples=samples)
     return rows.take(good)
 
 
@@ -252,7 +265,7 @@ def _covered(one: Series, stamps: Stamps) -> Mask:
     reach = gap_limit((own - own[0]) / 1e9) * 1e9
     held = all(role_of(name) is not Role.MEASURED for name in one.signals)
     started = stamps >= own[0]
-    if held and not _is_regular(own):
+    if held and not is_regular(own):
         return np.asarray(started, dtype=bool)  # sent on change: it holds until the next one
     if held:
         return np.asarray(started & (stamps - own[before] <= reach), dtype=bool)
@@ -261,7 +274,8 @@ def _covered(one: Series, stamps: Stamps) -> Mask:
     )
 
 
-def _is_regular(stamps: Stamps) -> bool:
+def is_regular(stamps: Stamps) -> bool:
+    """Tell whether messages with these stamps (ns) are sent at a rate."""
     steps = np.diff(stamps)
     return steps.size > 2 and bool(np.quantile(steps, 0.9) < REGULAR * np.median(steps))
 
@@ -273,10 +287,10 @@ def _how_joined(one: Series, clock: Series) -> Finding:
     how = 'held' if all(role_of(n) is not Role.MEASURED for n in one.signals) else 'interpolated'
     return Finding(
         Severity.INFO, 'topics_joined',
-        f'{one.topic} ({one.stamps.size} messages) was joined on the stamps of {clock.topic} '
-        f'({clock.stamps.size}): {exact:.0%} match exactly, the others are {how}; the message '
+        f'{one.topic} ({one.stamps.size} samples) was joined on the stamps of {clock.topic} '
+        f'({clock.stamps.size}): {exact:.0%} match exactly, the others are {how}; the one '
         f'before is {lag * 1e3:.3g} ms old',
-        'values between two messages are known less well',
+        'what it did between two samples is known less well',
         'publish both with the same stamp if they come from the same cycle',
         {'exact_share': exact, 'age_s': float(lag)},
     )  # fmt: skip

@@ -15,6 +15,7 @@ from motor_sysid.recording.msg_config import load_msg_config, said_of_shipped
 from motor_sysid.recording.rosbag import Bag, is_bag
 from motor_sysid.recording.rows import records_from, Rows
 from motor_sysid.recording.sources import MsgConfig, Source
+from motor_sysid.recording.sparse import joined
 from motor_sysid.recording.table import read_table
 from motor_sysid.recording.table_rows import rows_of_table
 from motor_sysid.signals.finding import Finding, Severity
@@ -110,7 +111,13 @@ def _load_table(path: Path, config: MsgConfig | None) -> Loaded:
         )
     parts, chosen = rows_of_table(table, config)
     origins = {name: source.describe() for name, source in chosen.items()}
-    return _finished(path, config, parts, origins, [*findings, *table.findings])
+    findings = [*findings, *table.findings]
+    aligned: list[Rows] = []
+    for part in parts:
+        rows, told = joined(part, config.base_clock)
+        aligned += rows
+        findings += told
+    return _finished(path, config, aligned, origins, findings)
 
 
 def _finished(

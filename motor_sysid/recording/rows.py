@@ -1,7 +1,7 @@
 """Rows of signals as they were read, and the way from there to clean records."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from motor_sysid.recording.lost_steps import after_lost_steps, lost_steps
 from motor_sysid.signals.channels import CHANNELS
 from motor_sysid.signals.finding import Finding, Severity
-from motor_sysid.signals.record import Provenance, Record
+from motor_sysid.signals.record import Provenance, Record, Samples
 
 Array = NDArray[np.float64]
 
@@ -46,12 +46,15 @@ class Rows:
         As in `Record`.
     label:
         What this stretch is called, e.g. the name of a test; empty if it has none.
+    samples:
+        As in `Record`; they may reach beyond the rows.
     """
 
     time: Array
     signals: Mapping[str, Array]
     units: Mapping[str, str]
     label: str = ''
+    samples: Mapping[str, Samples] = field(default_factory=dict)
 
     def take(self, which: 'slice | NDArray[np.bool_] | NDArray[np.intp]') -> 'Rows':
         """Return some of the rows."""
@@ -116,8 +119,7 @@ def _without_holes(rows: Rows, findings: list[Finding]) -> Rows:
             f'{lost} of {len(good)} rows ({share:.1%}) have no finite value ({where}; first at '
             f'row {first + 1}); left out',
             'the record has holes there' if share < 0.2 else 'most of the timing may be lost',
-            'look for the cause in the sensor or the logger; signals of different rates belong '
-            'into separate topics or files',
+            'look for the cause in the sensor or the logger',
             {'rows': lost, **{f'rows_{name}': count for name, count in counts.items()}},
         )
     )  # fmt: skip
@@ -322,15 +324,22 @@ def _without_stubs(pieces: list[Rows], findings: list[Finding]) -> list[Rows]:
 
 
 def _record(rows: Rows, provenance: Provenance) -> Record:
-    time = rows.time
+    time, start = rows.time, 0.0
     if rows.label:
         provenance = provenance.noting(f'part `{rows.label}`')
     if time[0] > EPOCH:
         provenance = provenance.noting(f'time counts from {time[0]:.9f} s')
-        time = time - time[0]
+        start = time[0]
     names = sorted(rows.signals, key=lambda name: (ORDER.get(name, len(ORDER)), name))
     signals = {name: rows.signals[name] for name in names}
-    return Record(time, signals, {name: rows.units[name] for name in names}, provenance)
+    samples = {
+        name: Samples(near.time - start, near.values)
+        for name, own in rows.samples.items()
+        if name in signals
+        for near in [own.around(time[0], time[-1])]
+    }
+    units = {name: rows.units[name] for name in names}
+    return Record(time - start, signals, units, provenance, samples=samples)
 
 
 def _merged(findings: list[Finding]) -> list[Finding]:

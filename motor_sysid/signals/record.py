@@ -39,6 +39,33 @@ class Provenance:
 
 
 @dataclass(frozen=True)
+class Samples:
+    """What a sensor measured at times of its own.
+
+    Attributes
+    ----------
+    time:
+        (M,) s, strictly increasing, on the clock of the record.
+    values:
+        (M,) in the unit of the signal.
+    """
+
+    time: Array
+    values: Array
+
+    def __post_init__(self) -> None:
+        """Freeze the arrays."""
+        object.__setattr__(self, 'time', _frozen(self.time))
+        object.__setattr__(self, 'values', _frozen(self.values))
+
+    def around(self, first: float, last: float) -> 'Samples':
+        """Return those from the last one up to `first` to the first one from `last` on (s)."""
+        start = max(int(np.searchsorted(self.time, first, side='right')) - 1, 0)
+        stop = int(np.searchsorted(self.time, last)) + 1
+        return Samples(self.time[start:stop], self.values[start:stop])
+
+
+@dataclass(frozen=True)
 class Record:
     """Signals of one motor over one uninterrupted stretch of time.
 
@@ -57,6 +84,9 @@ class Record:
     steps:
         Quantized signal to its step, of those that were interpolated or moved since; see
         `step_of`.
+    samples:
+        Measured signal to what its sensor measured, of those that were not measured at the times
+        of the rows: what the rows show of them lies between these.
 
     Raises
     ------
@@ -69,6 +99,7 @@ class Record:
     units: Mapping[str, str]
     provenance: Provenance = field(default_factory=Provenance)
     steps: Mapping[str, float] = field(default_factory=dict)
+    samples: Mapping[str, Samples] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Freeze the arrays and refuse what is not a record."""
@@ -129,10 +160,16 @@ class Record:
 
     def slice(self, start: int, stop: int) -> 'Record':
         """Return rows start to stop (exclusive)."""
+        time = self.time[start:stop]
         return replace(
             self,
-            time=self.time[start:stop],
+            time=time,
             signals={name: values[start:stop] for name, values in self.signals.items()},
+            samples={
+                name: own.around(time[0], time[-1])
+                for name, own in self.samples.items()
+                if time.size
+            },
         )
 
     def between(self, start: float, stop: float) -> 'Record':
@@ -147,6 +184,7 @@ class Record:
             self,
             signals={name: self[name] for name in kept},
             units={name: self.units[name] for name in kept},
+            samples={name: own for name, own in self.samples.items() if name in kept},
         )
 
     def with_signal(self, name: str, values: ArrayLike, unit: str) -> 'Record':
@@ -156,6 +194,7 @@ class Record:
             signals={**self.signals, name: np.asarray(values, dtype=np.float64)},
             units={**self.units, name: unit},
             steps={other: step for other, step in self.steps.items() if other != name},
+            samples={other: own for other, own in self.samples.items() if other != name},
         )
 
     def step_of(self, name: str) -> float:
@@ -176,9 +215,10 @@ class Record:
         count = int(np.floor(self.duration / pace * (1 + 1e-9))) + 1
         grid = self.time[0] + pace * np.arange(count)
         edges = np.append(grid, grid[-1] + pace)
-        signals = {
-            name: resample(name, self.time, values, edges) for name, values in self.signals.items()
-        }
+        signals = {}
+        for name, values in self.signals.items():
+            own = self.samples.get(name, Samples(self.time, values))
+            signals[name] = resample(name, own.time, own.values, edges)
         return replace(
             self,
             time=grid,
@@ -206,6 +246,8 @@ class Record:
         for name in sorted(self.signals):
             sha.update(f'{name} [{self.units[name]}]'.encode())
             sha.update(self.signals[name].tobytes())
+            if name in self.samples:
+                sha.update(self.samples[name].time.tobytes())
         return sha.hexdigest()
 
 

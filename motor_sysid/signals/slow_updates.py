@@ -1,13 +1,13 @@
-"""Signals that are new less often than the record has samples, and are held in between.
+"""Signals that are not new in every row of a record: held in between, or sampled by themselves.
 
 Held in between, a signal is late by half of that in the mean, which looks like a lag of its
-sensor.  Where that comes at even times, a fit compares it with what the model shows at the time of
-its last news.  A speed that is new at times of its own may be what its sensor made of the time
-since.
+sensor.  Where that comes at even times, or where it is known when a signal was sampled, a fit
+compares it with what the model shows at the time of its last news.  A speed that is new at times
+of its own that nobody recorded may be what its sensor made of the time since.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,7 @@ from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.checks.common import runs
 from motor_sysid.signals.checks.values import SLOW
 from motor_sysid.signals.lattice import lattice
-from motor_sysid.signals.record import Record
+from motor_sysid.signals.record import Record, Samples
 
 Rows = NDArray[np.intp]
 
@@ -57,7 +57,7 @@ def slow_signals(records: Sequence[Record]) -> Iterator[Slow]:
     for name in dict.fromkeys(name for record in records for name in record):
         if role_of(name) is not Role.MEASURED or name in SLOW:
             continue
-        having = [record for record in records if name in record]
+        having = [record for record in records if name in record and name not in record.samples]
         lengths = [found for record in having if (found := held_lengths(record, name)).size]
         periods = {period for found in lengths if (period := period_of(found)) > 1}
         if len(periods) == 1:
@@ -100,7 +100,7 @@ def periods_of(records: Sequence[Record]) -> dict[str, int]:
 
 
 def news_of(record: Record, name: str, period: int) -> Rows | None:
-    """Return for each row of a measured signal the one in which what it shows was new, (N,).
+    """Return the rows in which a measured signal that is held is new, (M,), the first included.
 
     Parameters
     ----------
@@ -117,18 +117,53 @@ def news_of(record: Record, name: str, period: int) -> Rows | None:
     new[starts] = True
     if starts.size > 1:
         new[np.bincount(starts[1:] % period).argmax() :: period] = True
-    return np.maximum.accumulate(np.where(new, np.arange(len(record)), 0))
+    return np.flatnonzero(new)
+
+
+def with_news_held(records: Sequence[Record]) -> list[Record]:
+    """Return records in which what was sampled at times of its own is held until its next news.
+
+    A position beside a speed is left where it is, on the way from news to news.
+    """
+    return [_with_news_held(record) for record in records]
+
+
+def _with_news_held(record: Record) -> Record:
+    held = {
+        name: own.values[shown_in(record, own)]
+        for name, own in record.samples.items()
+        if name != 'position' or 'speed' not in record
+    }
+    return replace(record, signals={**record.signals, **held}) if held else record
+
+
+def with_news_between(record: Record) -> Record:
+    """Return a record in which what was sampled at times of its own moves on straight."""
+    moving = {
+        name: np.interp(record.time, own.time, own.values) for name, own in record.samples.items()
+    }
+    return replace(record, signals={**record.signals, **moving}) if moving else record
+
+
+def shown_in(record: Record, own: Samples) -> Rows:
+    """Return for each row the last of a signal's own samples up to then, (N,)."""
+    return np.clip(np.searchsorted(own.time, record.time, side='right') - 1, 0, None)
 
 
 def told_slow(records: Sequence[Record]) -> tuple[str, ...]:
     """Say which signals of records as they were measured are held, and what a fit makes of it."""
     even = all(record.is_uniform for record in records)
+    sampled = dict.fromkeys(name for record in records for name in record.samples)
     known, not_known = 'a fit compares it with the model as it was then', (
         'held in between, it is late by half of that in the mean, which looks like a lag of its '
         'sensor'
     )
-    return tuple(
-        f'{one}: {known if even and not one.about else not_known}' for one in slow_signals(records)
+    return (
+        *(f'{name} was sampled at times of its own: {known}' for name in sampled),
+        *(
+            f'{one}: {known if even and not one.about else not_known}'
+            for one in slow_signals(records)
+        ),
     )
 
 
@@ -142,9 +177,9 @@ def with_moving_positions(records: Sequence[Record]) -> list[Record]:
 
 
 def _with_moving_position(record: Record, period: int) -> Record:
-    news = news_of(record, 'position', period) if 'position' in record else None
-    if news is None:
+    rows = news_of(record, 'position', period) if 'position' in record else None
+    if rows is None or 'position' in record.samples:
         return record
-    rows, values = np.unique(news), record['position']
+    values = record['position']
     moving = np.interp(np.arange(values.size), rows, values[rows])
     return record.with_signal('position', moving, record.units['position'])

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.variants import Variant
-from motor_sysid.estimation.batch import Chain, Problem, starts_of
+from motor_sysid.estimation.batch import Chain, linear_of, Problem, starts_of
 from motor_sysid.physics.effect import arguments, SECOND
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -153,7 +153,8 @@ def run_lanes(
 
     `pushes` are by number of the stretch, counted over all chains.
     """
-    results, first = [], 0
+    results, first = list[Array](), 0
+    linear = linear_of(model.kind, table, problem.outputs)
     for chain in problem.chains:
         given = [] if pushes is None else [pushes[first + k] for k in range(len(chain))]
         runs = program.run_chain(
@@ -161,7 +162,7 @@ def run_lanes(
             pushes=given, threads=problem.threads,
         )  # fmt: skip
         first += len(chain)
-        results += [s.shown(run) for run, s in zip(runs, chain, strict=True) if s.scored]
+        results += [s.shown(run, linear) for run, s in zip(runs, chain, strict=True) if s.scored]
     return results
 
 

@@ -34,7 +34,7 @@ from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.noisy_input import with_quiet_inputs
 from motor_sysid.signals.record import Record
-from motor_sysid.signals.slow_updates import with_moving_positions
+from motor_sysid.signals.slow_updates import with_moving_positions, with_news_held
 from motor_sysid.signals.strays import without_strays
 from motor_sysid.threads import in_threads
 
@@ -154,8 +154,8 @@ def prepared(
     And with what the motor needs and others tell: a position from Hall sectors, or speed and
     acceleration from the position.
     """
-    even = with_quiet_inputs([without_strays(record).uniform() for record in records])
-    even = with_moving_positions(even)
+    even = with_news_held([without_strays(record).uniform() for record in records])
+    even = with_moving_positions(with_quiet_inputs(even))
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):

@@ -13,6 +13,7 @@ from motor_sysid.estimation.batch.prior import Prior
 from motor_sysid.estimation.batch.problem import Linearization, Problem
 from motor_sysid.estimation.batch.refit import METHODS, refit
 from motor_sysid.estimation.batch.result import FitResult
+from motor_sysid.estimation.batch.sampling import linear_of
 from motor_sysid.estimation.batch.sensors import sensors_of
 from motor_sysid.estimation.batch.sisters import believed
 from motor_sysid.estimation.batch.starts import starts_of
@@ -22,6 +23,6 @@ from motor_sysid.estimation.batch.weighting import coloured, Weighting, white
 __all__ = [
     'METHODS', 'OPTIMIZERS', 'Chain', 'FitResult', 'Linearization', 'Prior', 'Problem',
     'Transfer', 'Weighting', 'believed', 'coloured', 'fit', 'fit_and_slopes', 'fit_multistart',
-    'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search', 'sensors_of',
-    'starts_of', 'thinned', 'transfer', 'white',
+    'linear_of', 'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search',
+    'sensors_of', 'starts_of', 'thinned', 'transfer', 'white',
 ]  # fmt: skip

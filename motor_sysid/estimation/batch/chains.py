@@ -8,14 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.sampling import Linear, Sampling, STRAIGHT
 from motor_sysid.estimation.batch.sensors import Sensors, sensors_of
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.slow_updates import with_news_between, with_news_held
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 _REST_TIME = 0.02
 _COARSE = 0.015
@@ -56,9 +57,8 @@ class Stretch:
     limits:
         (2, n_y) smallest and largest value that the sensor of each output can show; None where
         none of them is known.
-    news:
-        (N, n_y) row of the run that each output shows in a row, where some are held for several;
-        None where each is new in every row.
+    sampling:
+        When each output was sampled; None of those that are new in every row.
     """
 
     record: Record
@@ -69,7 +69,7 @@ class Stretch:
     state_size: Array
     scored_from: int = 0
     limits: Array | None = None
-    news: Rows | None = None
+    sampling: tuple[Sampling | None, ...] = ()
 
     @property
     def scored(self) -> bool:
@@ -81,15 +81,30 @@ class Stretch:
         """The (K, n_y) measured outputs whose error counts."""
         return self.measured[self.scored_from :]
 
-    def shown(self, run: Array) -> Array:
-        """Return what sensors show where they count, of (N, n_y, P) outputs of a simulation."""
-        if self.news is not None:
-            run = np.take_along_axis(run, self.news[:, :, np.newaxis], axis=0)
+    def shown(self, run: Array, linear: Linear) -> Array:
+        """Return what sensors show where they count, of outputs of simulations.
+
+        Parameters
+        ----------
+        run:
+            (N, n_y, P) outputs.
+        linear:
+            The linear motor of each; it tells what lies between the rows.
+        """
+        if any(self.sampling):
+            run = np.stack([self._sampled(run[:, j], j, linear) for j in range(run.shape[1])], 1)
         counts = run[self.scored_from :]
         if self.limits is None:
             return counts
         low, high = self.limits[:, :, np.newaxis]
         return np.clip(counts, low, high)
+
+    def _sampled(self, run: Array, output: int, linear: Linear) -> Array:
+        one = self.sampling[output]
+        if one is None:
+            return run
+        inputs, dt = self.drive.inputs, self.drive.dt
+        return one.of(run, linear.settling(output, inputs, dt) if one.is_between else STRAIGHT)
 
     def moved(self, change: Array) -> 'Stretch':
         """Return the stretch with a (K, n_y) change added to what is judged."""
@@ -154,9 +169,9 @@ def make_chain(
     sensors:
         What all records of the motor tell of its sensors; else what this one shows itself.
     """
-    even = record.uniform()
-    drive, known = Drive.of(even, kind), sensors or sensors_of([even], kind)
-    shown = known.limits_of(even, kind, outputs), known.news_of(even, outputs)
+    (even,) = with_news_held([record.uniform()])
+    drive, known = Drive.of(with_news_between(even), kind), sensors or sensors_of([even], kind)
+    shown = known.limits_of(even, kind, outputs), known.sampling_of(even, outputs)
     cut = round(train_fraction * len(even))
     if horizon is None and not lent and scored != 'train' and cut < len(even):
         judged = cut if scored == 'validate' else 0
@@ -226,17 +241,18 @@ def _window(
     begin = max(first - _RUN_IN, 0)
     return _stretch(
         stretch.record, stretch.drive, begin, last, kind, outputs, first - begin, stretch.limits,
-        stretch.news,
+        stretch.sampling,
     )  # fmt: skip
 
 
 def _stretch(
     even: Record, drive: Drive, first: int, last: int, kind: Motor, outputs: Sequence[str],
-    scored_from: int, limits: Array | None, news: Rows | None,
+    scored_from: int, limits: Array | None, sampling: tuple[Sampling | None, ...],
 ) -> Stretch:  # fmt: skip
     """Prepare rows first to last; a stretch that begins at rest starts from rest."""
     record = even.slice(first, last)
     measured = np.column_stack([record[name] for name in outputs])
+    even = with_news_between(even)
     speed = measured_speed(even)
     top = float(np.max(np.abs(speed), initial=1e-12))
     head = speed[first : first + max(int(_REST_TIME / even.dt), 3)]
@@ -257,7 +273,7 @@ def _stretch(
         elif name in shown and shown[name] in record and not at_rest:
             state[j] = _value_at(even[shown[name]], first, coarse=coarse)
     mine = drive.part(first, last)
-    own = None if news is None else np.maximum(news[first:last] - first, 0)
+    own = tuple(one and one.part(first, last) for one in sampling)
     return Stretch(
         record, mine, measured, state, tuple(still_open), size, scored_from, limits, own
     )

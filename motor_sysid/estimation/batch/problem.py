@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.chains import Chain
 from motor_sysid.estimation.batch.prior import Prior
+from motor_sysid.estimation.batch.sampling import linear_of
 from motor_sysid.estimation.batch.starts import starts_of
 from motor_sysid.estimation.batch.steps import difference_steps
 from motor_sysid.estimation.batch.weighting import Weighting
@@ -153,6 +154,7 @@ class Problem:
         table, results = self.values(z), []
         if not table or len(z) == 0:
             return []
+        linear = linear_of(self.model.kind, table, self.outputs)
         for _, group in groupby(self.chains, key=lambda chain: chain[0].drive.dt):
             chains = list(group)
             stretches = [stretch for chain in chains for stretch in chain]
@@ -167,7 +169,7 @@ class Problem:
                 threads=self.threads,
             )  # fmt: skip
             pairs = zip(runs, stretches, strict=True)
-            results += [stretch.shown(run) for run, stretch in pairs if stretch.scored]
+            results += [stretch.shown(run, linear) for run, stretch in pairs if stretch.scored]
         return results
 
     def in_steps(self, substeps: int, z: Array) -> 'Problem':

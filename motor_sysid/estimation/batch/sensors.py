@@ -9,13 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.estimation.batch.sampling import Sampling, sampling_of
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.signals.flat_tops import common_limits, limits_of
 from motor_sysid.signals.record import Record
-from motor_sysid.signals.slow_updates import news_of, periods_of
+from motor_sysid.signals.slow_updates import periods_of
 
 Array = NDArray[np.float64]
-Rows = NDArray[np.intp]
 
 
 @dataclass(frozen=True)
@@ -46,13 +46,9 @@ class Sensors:
         limits = np.where(np.isfinite(own), own, shared)
         return limits if np.any(np.isfinite(limits)) else None
 
-    def news_of(self, record: Record, outputs: Sequence[str]) -> Rows | None:
-        """Return (N, n_y) rows in which what outputs show was new; None if all are in each."""
-        found = [news_of(record, name, self.periods.get(name, 1)) for name in outputs]
-        if all(one is None for one in found):
-            return None
-        every = np.arange(len(record))
-        return np.stack([every if one is None else one for one in found], axis=1)
+    def sampling_of(self, record: Record, outputs: Sequence[str]) -> tuple[Sampling | None, ...]:
+        """Return when each output was sampled, of those that are not new in every row."""
+        return tuple(sampling_of(record, name, self.periods.get(name, 1)) for name in outputs)
 
 
 def sensors_of(records: Sequence[Record], kind: Motor) -> Sensors:

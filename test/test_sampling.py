@@ -1,0 +1,154 @@
+"""What was sampled at times of its own is compared with the model as it was then."""
+
+from bench_motor import a_motor, COUNTS, CURRENT_NOISE, DT, MOTOR, voltage_profile
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.search.bench import prepared
+from motor_sysid.estimation.batch import fit, linear_of, make_chain, Problem, sensors_of
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor
+from motor_sysid.physics.simulate import simulate
+from motor_sysid.signals.doctor import seen_by_fits
+from motor_sysid.signals.record import Record, Samples
+
+KIND, OUTPUTS = motor('brushed_dc'), ('speed', 'current')
+UNITS = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s', 'position': 'rad'}
+FINE = 20
+"""Samples of the truth in one of the record."""
+SLOW = {'current': 0.0063, 'speed': 0.0105, 'position': 0.0105}
+"""Periods, s, of signals with a clock of their own."""
+
+
+def truth(
+    kind: str, seed: int, effects: dict[str, dict[str, float]], seconds: float = 8.0
+) -> tuple[np.ndarray, np.ndarray, dict[str, np.ndarray]]:
+    """Return the held voltage, fine times, and what the motor does at these."""
+    volts = voltage_profile(kind, seconds, np.random.default_rng(seed))
+    fine = DT / FINE * np.arange(FINE * volts.size)
+    record = Record(fine, {'voltage': np.repeat(volts, FINE)}, {'voltage': 'V'})
+    run = simulate(a_motor(effects), record, follow_position=False, substeps=4)
+    return volts, fine, dict(run.outputs)
+
+
+def sampled(
+    kind: str, seed: int, slow: tuple[str, ...], effects: dict[str, dict[str, float]]
+) -> Record:
+    """Return a record at 1 kHz of which some signals were sampled at jittered times of their own.
+
+    The speed is the difference of positions as they were sampled.
+    """
+    rng = np.random.default_rng([seed, 7])
+    volts, fine, run = truth(kind, seed, effects)
+    time = DT * np.arange(volts.size)
+    count = 2 * np.pi / COUNTS
+    shake = rng.uniform(-0.2, 0.2, 4000)
+    signals, samples = {'voltage': volts}, {}
+    for name in ('position', 'speed', 'current'):
+        own = time
+        if name in slow:
+            period = SLOW[name]
+            turns = np.arange(1, int(time[-1] / period))
+            own = period * (turns + shake[: turns.size])
+        if name == 'current':
+            values = np.interp(own, fine, run[name]) + CURRENT_NOISE * rng.normal(size=own.size)
+        else:
+            values = count * np.floor(np.interp(own, fine, run['position']) / count)
+        if name == 'speed':
+            values = np.diff(values, prepend=values[0]) / np.diff(own, prepend=own[0] - DT)
+        signals[name] = np.interp(time, own, values)
+        if name in slow:
+            samples[name] = Samples(own, values)
+    return Record(time, signals, UNITS, samples=samples)
+
+
+def records(*slow: str, **effects: dict[str, float]) -> list[Record]:
+    """Return a record of each kind of excitation."""
+    kinds = ('steps', 'triangle', 'sines')
+    return [sampled(kind, seed, slow, effects) for seed, kind in enumerate(kinds)]
+
+
+def test_a_current_between_rows_goes_as_it_does_under_a_held_input():
+    """Its time constant is about a row; straight lines between rows would be far off."""
+    values = {**MOTOR, 'L': 1.2e-3}
+    volts = voltage_profile('steps', 2.0, np.random.default_rng(0))
+    model = Model.base('brushed_dc', values)
+    fine = DT / FINE * np.arange(FINE * volts.size)
+    units = {'voltage': 'V'}
+    inner = Record(fine, {'voltage': np.repeat(volts, FINE)}, units)
+    true = simulate(model, inner, follow_position=False).outputs['current']
+    rows = Record(fine[::FINE], {'voltage': volts}, units)
+    coarse = simulate(model, rows, follow_position=False).outputs['current']
+    own = fine[7 :: 2 * FINE + 3]
+    samples = {'current': Samples(own, np.zeros(own.size))}
+    none = np.zeros(len(rows))
+    signals = {'voltage': volts, 'current': none, 'speed': none}
+    (stretch,) = make_chain(
+        Record(rows.time, signals, UNITS, samples=samples), KIND, ('current',)
+    )
+    table = {name: np.array([v]) for name, v in model.parameters.values().items()}
+    linear = linear_of(KIND, table, ('current',))
+    shown = stretch.shown(coarse[:, np.newaxis, np.newaxis], linear)[:, 0, 0]
+    now = true[7 :: 2 * FINE + 3][np.clip(np.searchsorted(own, rows.time, 'right') - 1, 0, None)]
+    straight = np.interp(own, rows.time, coarse) - true[7 :: 2 * FINE + 3]
+    assert np.max(np.abs(straight)) > 0.1 * np.max(np.abs(true))
+    assert np.max(np.abs(shown - now)[20:]) < 0.03 * np.max(np.abs(straight))
+
+
+def test_a_fit_takes_slow_signals_for_what_they_are():
+    """Errors of parameters as if all had been sampled in every row, or less than a percent."""
+    data = prepared(records('current', 'speed', 'position'), 'brushed_dc', MOTOR)
+    sensors = sensors_of(data, KIND)
+    chains = [make_chain(r, KIND, OUTPUTS, sensors=sensors) for r in data]
+    begun = Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.DIFFERENCE)
+    found = fit(Problem(begun, chains, OUTPUTS)).model
+    for name, within in (('R', 0.003), ('L', 0.02), ('k_t', 0.001), ('J', 0.003)):
+        assert found[name] == pytest.approx(MOTOR[name], rel=within), name
+
+
+def test_pieces_of_a_record_show_what_the_whole_shows():
+    record = records('current', 'speed', 'position')[0]
+    (whole,) = make_chain(record, KIND, OUTPUTS)
+    pieces = make_chain(record, KIND, OUTPUTS, horizon=1.0)
+    assert len(pieces) == 8
+    rng = np.random.default_rng(0)
+    run = np.cumsum(rng.normal(size=(len(record), 2, 1)), axis=0)
+    linear = linear_of(KIND, {p.name: np.array([p.value]) for p in KIND.parameters}, OUTPUTS)
+    shown, first = whole.shown(run, linear), 0
+    for piece in pieces:
+        last = first + len(piece.record)
+        part = piece.shown(run[first:last], linear)
+        assert part[25:] == pytest.approx(shown[first + 25 : last], abs=0.02)
+        assert np.array_equal(piece.measured, whole.measured[first:last])
+        first = last
+
+
+def test_a_record_keeps_its_samples_through_what_is_done_to_it():
+    record = records('current')[0]
+    own = record.samples['current']
+    part = record.between(2.0, 3.0)
+    near = part.samples['current']
+    assert near.time[0] <= part.time[0] < near.time[1]
+    assert near.time[-2] < part.time[-1] <= near.time[-1]
+    assert part.select(['voltage', 'current']).samples.keys() == {'current'}
+    assert not part.select(['voltage']).samples
+    assert not record.with_signal('current', record['current'], 'A').samples
+    finer = record.uniform(0.7 * DT)
+    assert finer['current'] == pytest.approx(np.interp(finer.time, own.time, own.values))
+    bare = Record(record.time, record.signals, record.units)
+    assert bare.digest() != record.digest()
+
+
+@pytest.mark.parametrize(
+    'slow', [('speed', 'position'), ('current',), ('current', 'speed', 'position')]
+)
+def test_slow_signals_are_no_missing_physics(slow):
+    """As a bag has them: joint states at 95 Hz, a current at 160, a voltage at 1 kHz."""
+    tau_c = 4e-3
+    *train, valid = records(*slow, coulomb_friction={'tau_c': tau_c})
+    assert 'times of its own' in ' '.join(seen_by_fits(train))
+    found = diagnose(train, [valid])
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert found.model.effects == ('coulomb_friction',)
+    assert found.model['coulomb_friction.tau_c'] == pytest.approx(tau_c, rel=0.02)
