@@ -204,6 +204,18 @@ def test_bursts_are_no_noise():
     assert np.abs(spoiled.whiteners[0] - clean.whiteners[0]).max() < 0.3
 
 
+def test_a_signal_that_rests_tells_nothing_of_its_noise_in_motion():
+    """Counts of an encoder have none at rest; nor does a model err there.
+
+    A block that is partly at rest counts.
+    """
+    noise = np.random.default_rng(9).normal(size=(20000, 1))
+    rests = (np.arange(20000) % 5000 > 1250)[:, np.newaxis]
+    still, clean = coloured([np.where(rests, 0.0, noise)], 4, 0.5), coloured([noise], 4, 0.5)
+    assert still.sigma[0] == pytest.approx(clean.sigma[0], rel=0.1)
+    assert coloured([np.zeros((20000, 1))], 4, 0.5).sigma[0] == 0.5
+
+
 def test_the_start_values_read_from_balances_are_near():
     rng = np.random.default_rng(2)
     model = Model.base('brushed_dc', MOTOR)

@@ -4,6 +4,7 @@ import json
 from pathlib import Path
 import warnings
 
+from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
 import pytest
 
@@ -23,6 +24,7 @@ from motor_sysid.workbench.view import build_view
 DT, COUNT = 5e-4, 6000
 UNITS = {'speed': 'rad/s', 'position': 'rad'}
 TRUE = {'R': 1.0, 'L': 2e-3}
+COGGING = {'a_1': 2e-3, 'b_1': 1e-3, 'n': 12}
 
 
 def winding(rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -128,3 +130,16 @@ def test_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
     for verb in ('fit', 'diagnose'):
         assert main([verb, *call]) == 0
         assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
+
+
+def test_what_a_motor_lacks_is_told_by_its_motion_however_long_it_rests():
+    """Three quarters of each record at rest, where counts have no noise: none is the rule then."""
+    rng, model = np.random.default_rng(1), a_motor({'cogging_torque': COGGING})
+    *train, valid = (
+        measure(model, 0.5 * voltage_profile(kind, 8.0, rng) * (np.arange(8000) < 2000), rng)
+        for kind in ('steps', 'triangle', 'sines')
+    )
+    found = diagnose(train, [valid])
+    assert found.verdict is Verdict.EFFECT_MISSING
+    assert found.model.effects == ('cogging_torque',)
+    assert found.model['cogging_torque.a_1'] == pytest.approx(COGGING['a_1'], rel=0.05)

@@ -20,6 +20,10 @@ _PIECE = 8192
 BURST = 3.0
 """Power of a block of errors, in units of the median block's, above which it counts less."""
 
+STILL, RESTS = 0.1, 0.25
+"""Deviation of a block of errors, in units of the least noise, below which its signal rests; and
+share of resting blocks from which on they tell nothing of the noise of a signal that moves."""
+
 _BLOCKS, _LONG, _PASSES = 40, 8, 3
 """Blocks; how much longer they are than the order of a noise model at least; passes."""
 
@@ -149,11 +153,14 @@ def coloured(errors: Sequence[Array], order: int, floor: Array | float = 1e-12) 
 
     Yule-Walker, pooled over blocks of the stretches; the estimate is stable by construction.
     Bursts in some of the blocks are what a model lacks, not noise: a block counts as far as its
-    power is within `BURST` times the median.  (Huber 1964, doi:10.1214/aoms/1177703732.)
+    power is within `BURST` times the median.  (Huber 1964, doi:10.1214/aoms/1177703732.)  Nor are
+    blocks noise in which a signal rests, such as the counts of an encoder, if they are many.
     """
     whiteners, sigmas = [], []
+    least = np.broadcast_to(floor, errors[0].shape[1:])
     for j in range(errors[0].shape[1]):
         blocks = _blocks([error[:, j] - np.mean(error[:, j]) for error in errors], order)
+        blocks = _in_motion(blocks, float(least[j]))
         products = np.array([[b[: b.size - k] @ b[k:] for k in range(order + 1)] for b in blocks])
         counts = np.array([b.size for b in blocks], dtype=np.float64)
         weights = np.ones(len(blocks))
@@ -167,6 +174,12 @@ def coloured(errors: Sequence[Array], order: int, floor: Array | float = 1e-12) 
         whiteners.append(whitener)
         sigmas.append(np.sqrt(max(float(covariance[0] - ar @ covariance[1:]), 1e-30)))
     return Weighting(np.maximum(np.array(sigmas), floor), tuple(whiteners))
+
+
+def _in_motion(blocks: list[Array], least: float) -> list[Array]:
+    """Return the blocks in which a signal moves; all, if it does in nearly all or in none."""
+    moving = [block for block in blocks if np.std(block) > STILL * least]
+    return moving if 0 < len(moving) <= (1 - RESTS) * len(blocks) else blocks
 
 
 def _blocks(errors: Sequence[Array], order: int) -> list[Array]:
