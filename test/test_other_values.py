@@ -50,6 +50,17 @@ def test_the_parameter_that_is_another_there_is_told_with_its_value():
     assert other.times == pytest.approx(times, rel=1e-6)
 
 
+def test_an_input_that_is_weaker_there_is_told():
+    """Its voltage was reckoned with a supply that gives less: no parameter alone does that."""
+    record = steps({})
+    bench, rung = fitted(record.with_signal('voltage', record['voltage'] / 0.94, 'V'))
+    _, other = at_best(bench, rung)
+    assert other.gain == pytest.approx(0.94, abs=0.005)
+    assert other.by_gain > 0.95
+    assert 'input were 6 % weaker there than recorded' in _moved(other)
+    assert at_best(*fitted(steps({'R': 1.1})))[1].by_gain == 0.0
+
+
 def test_the_same_motor_asks_for_nothing_else():
     """Chance gives each parameter a thousandth of the squares at most, in 6000 samples."""
     bench, rung = fitted(steps({}))

@@ -135,7 +135,15 @@ def _structure(left: Remainder, found: Sequence[Unknown]) -> str:
 
 
 def _moved(other: OtherValues) -> str:
-    """Say which parameter the held-out data want otherwise."""
+    """Say which parameter the held-out data want otherwise, or that they want another input."""
+    if other.by_gain:
+        weaker = 'weaker' if other.gain < 1 else 'stronger'
+        return (
+            f'{100 * other.by_gain:.0f} % of its square would go if the input were '
+            f'{100 * abs(other.gain - 1):.2g} % {weaker} there than recorded: a supply that '
+            'differs from record to record, or from what a duty cycle is reckoned with, looks '
+            'like that'
+        )
     one = other.parameter
     value, now = (with_unit(v, one.unit, 2) for v in (other.value, one.value))
     most = f'{100 * other.alone:.0f} % with {one.name} about {value} instead of {now}'
