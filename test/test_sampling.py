@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.candidates.left_noise import left_noise
 from motor_sysid.diagnosis.search.bench import prepared
-from motor_sysid.estimation.batch import fit, linear_of, make_chain, Problem, sensors_of
+from motor_sysid.estimation.batch import fit, linear_of, make_chain, Problem, sensors_of, white
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.simulate import simulate
@@ -105,6 +106,23 @@ def test_a_fit_takes_slow_signals_for_what_they_are():
     found = fit(Problem(begun, chains, OUTPUTS)).model
     for name, within in (('R', 0.003), ('L', 0.02), ('k_t', 0.001), ('J', 0.003)):
         assert found[name] == pytest.approx(MOTOR[name], rel=within), name
+
+
+def test_what_is_shown_for_several_rows_counts_as_one_error():
+    """Else each sample of a slow sensor would speak as many times as it is repeated."""
+    (stretch,) = make_chain(records('current')[0], KIND, OUTPUTS)
+    problem = Problem(Model.base('brushed_dc', MOTOR), [(stretch,)], OUTPUTS)
+    assert problem.fresh[0] == 1.0
+    assert problem.fresh[1] == pytest.approx(DT / SLOW['current'], rel=0.01)
+    near = problem.linearize(problem.vector())
+    raw = [np.concatenate((one.residual[..., np.newaxis], one.slope), 2) for one in near]
+    size = white([one.residual for one in near])
+    left = left_noise(problem, raw, [one.start for one in near], size)
+    squares = left.flat(near[0].residual[..., np.newaxis]) ** 2
+    speed, current = np.sum(squares.reshape(-1, 2), axis=0)
+    samples = stretch.sampling[1].times.size
+    assert speed == pytest.approx(len(stretch.record), rel=0.1)
+    assert current == pytest.approx(samples, rel=0.3)
 
 
 def test_pieces_of_a_record_show_what_the_whole_shows():

@@ -1,6 +1,7 @@
 """The noise that the whole dictionary of effects leaves of the residual of a model."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +54,7 @@ def left_noise(
     some, some_starts, least, weighting = _windows(raw), _windows(starts), _least(problem), plain
     for _ in range(PASSES):
         weighting = _whitened(some, some_starts, weighting, plain.sigma, least)
-    return weighting
+    return replace(weighting, sigma=weighting.sigma / np.sqrt(problem.fresh))
 
 
 def _least(problem: Problem) -> Array:

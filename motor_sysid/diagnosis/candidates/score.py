@@ -125,7 +125,8 @@ def score(
     weighting = white([Problem.settled(one, weighting) for one in near])
     if whitened:
         weighting = left_noise(problem, raw, starts, weighting)
-    first, count = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
+    first, rows = 1 + problem.dimension, sum(weighting.rows(len(part)) for part in raw)
+    count = round(rows * float(np.mean(problem.fresh)))
     whole = weighting.gram(raw, starts)
     base = Base.of(whole, np.arange(1, first))
     left = base.without(whole)

@@ -209,10 +209,11 @@ def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
 
 
 def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float, int]:
-    """Return the whitened sum of squares at the nearest minimum, and the number of rows."""
+    """Return the whitened sum of squares at the nearest minimum, and how many errors it has."""
     near = slopes(rung, bench)
     gradient, curvature, cost = normal_equations(near, weighting)
-    rows = sum(one.residual.size for one in near)
+    fresh = float(np.mean(bench.problem(rung.model).fresh))
+    rows = round(fresh * sum(one.residual.size for one in near))
     return cost - float(newton_step(gradient, curvature) @ gradient), rows
 
 

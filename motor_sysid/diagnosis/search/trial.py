@@ -215,15 +215,16 @@ def gain_of_likelihood(new: Rung, old: Rung, bench: Bench) -> float:
     jumps are all that it sees.  Both own noise models are of the same order and fitted alike; what
     that of the smaller model takes of an effect is not counted for it.
     """
-    likelihood = []
+    likelihood, fresh = [], bench.problem(new.model).fresh
     for rung in (new, old):
         errors = [one.residual for one in slopes(rung, bench)]
         own = coloured(errors, AR_ORDER)
+        own = replace(own, sigma=own.sigma / np.sqrt(fresh))
         squares = sum(float(np.sum(own.flat(e[:, :, np.newaxis]) ** 2)) for e in errors)
         count = sum(len(e) for e in errors)
-        likelihood.append(squares + 2.0 * count * float(np.sum(np.log(own.sigma))))
+        likelihood.append(squares + 2.0 * count * float(np.sum(fresh * np.log(own.sigma))))
     extra = len(new.model.parameters.free) - len(old.model.parameters.free)
-    rows = count * len(bench.outputs)
+    rows = count * float(np.sum(fresh))
     return likelihood[1] - likelihood[0] - extra * float(np.log(rows))
 
 

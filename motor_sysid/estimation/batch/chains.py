@@ -81,6 +81,12 @@ class Stretch:
         """The (K, n_y) measured outputs whose error counts."""
         return self.measured[self.scored_from :]
 
+    @property
+    def fresh(self) -> tuple[float, ...]:
+        """Share of the rows in which each output is new."""
+        every = self.sampling or (None,) * self.measured.shape[1]
+        return tuple(one.fresh if one else 1.0 for one in every)
+
     def shown(self, run: Array, linear: Linear) -> Array:
         """Return what sensors show where they count, of outputs of simulations.
 

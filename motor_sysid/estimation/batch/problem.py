@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import accumulate, groupby
 
 import numpy as np
@@ -105,6 +106,13 @@ class Problem:
         self.prior = prior
         nothing = Prior((), np.empty(0), np.empty((0, 0)))
         self.believed, self.precision = (prior or nothing).placed(self.free, self.size)
+
+    @cached_property
+    def fresh(self) -> Array:
+        """Share of the rows in which each output is new, (n_y,): the others tell nothing more."""
+        rows = np.array([len(s.judged) for s in self.stretches], dtype=np.float64)
+        shares = np.array([s.fresh for s in self.stretches])
+        return np.asarray(rows @ shares / rows.sum())
 
     def vector(self) -> Array:
         """Return z of the model as it is."""

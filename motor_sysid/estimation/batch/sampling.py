@@ -95,6 +95,11 @@ class Sampling:
     mean: bool = False
 
     @property
+    def fresh(self) -> float:
+        """Share of the rows in which it is new."""
+        return min(self.times.size / self.shows.size, 1.0)
+
+    @property
     def is_between(self) -> bool:
         """Whether any was taken between two rows."""
         return bool(np.any(self.times % 1.0))
