@@ -6,7 +6,7 @@ compares it with what the model shows at the time of its last news.  A speed tha
 of its own that nobody recorded may be what its sensor made of the time since.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -120,21 +120,23 @@ def news_of(record: Record, name: str, period: int) -> Rows | None:
     return np.flatnonzero(new)
 
 
-def with_news_held(records: Sequence[Record]) -> list[Record]:
-    """Return records in which what was sampled at times of its own is held until its next news.
+def with_news_held(record: Record, driving: Collection[str] = ()) -> Record:
+    """Return a record in which what was sampled at times of its own is held until its next news.
 
-    A position beside a speed is left where it is, on the way from news to news.
+    A position beside a speed is left where it is, on the way from news to news; so is what is
+    `driving` the motor, and what is slow by nature.
     """
-    return [_with_news_held(record) for record in records]
-
-
-def _with_news_held(record: Record) -> Record:
     held = {
         name: own.values[shown_in(record, own)]
         for name, own in record.samples.items()
-        if name != 'position' or 'speed' not in record
+        if _is_compared(name, record) and name not in driving
     }
     return replace(record, signals={**record.signals, **held}) if held else record
+
+
+def _is_compared(name: str, record: Record) -> bool:
+    """Tell whether a fit may compare a signal with a model."""
+    return name not in SLOW and (name != 'position' or 'speed' not in record)
 
 
 def with_news_between(record: Record) -> Record:
@@ -153,7 +155,7 @@ def shown_in(record: Record, own: Samples) -> Rows:
 def told_slow(records: Sequence[Record]) -> tuple[str, ...]:
     """Say which signals of records as they were measured are held, and what a fit makes of it."""
     even = all(record.is_uniform for record in records)
-    sampled = dict.fromkeys(name for record in records for name in record.samples)
+    sampled = dict.fromkeys(n for r in records for n in r.samples if _is_compared(n, r))
     known, not_known = 'a fit compares it with the model as it was then', (
         'held in between, it is late by half of that in the mean, which looks like a lag of its '
         'sensor'

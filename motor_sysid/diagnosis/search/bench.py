@@ -154,14 +154,15 @@ def prepared(
     And with what the motor needs and others tell: a position from Hall sectors, or speed and
     acceleration from the position.
     """
-    even = with_news_held([without_strays(record).uniform() for record in records])
-    even = with_moving_positions(with_quiet_inputs(even))
+    even = with_quiet_inputs([without_strays(record).uniform() for record in records])
+    even = with_moving_positions(even)
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):
         even = with_motion(even)
     ready = motor(wanted).prepare if wanted else None
-    return ready(even, known) if ready else even
+    even = ready(even, known) if ready else even
+    return [with_news_held(one, motor(wanted).driving if wanted else ()) for one in even]
 
 
 def prepared_parts(

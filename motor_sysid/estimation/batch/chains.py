@@ -175,7 +175,7 @@ def make_chain(
     sensors:
         What all records of the motor tell of its sensors; else what this one shows itself.
     """
-    (even,) = with_news_held([record.uniform()])
+    even = with_news_held(record.uniform(), kind.driving)
     drive, known = Drive.of(with_news_between(even), kind), sensors or sensors_of([even], kind)
     shown = known.limits_of(even, kind, outputs), known.sampling_of(even, outputs)
     cut = round(train_fraction * len(even))

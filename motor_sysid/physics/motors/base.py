@@ -247,6 +247,11 @@ class Motor:
         """States that are currents."""
         return tuple(name for name in self.states if name == 'i' or name.startswith('i_'))
 
+    @property
+    def driving(self) -> frozenset[str]:
+        """Signals that may be among its inputs."""
+        return frozenset(name for names in self.inputs for name in names)
+
     def like(self, values: Values) -> Matrices:
         """Return A, B, G of a linear motor that behaves much like this one."""
         return (self.typical or self.matrices)(values)
