@@ -8,6 +8,7 @@ from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.estimation.batch.chains import make_chain, thinned
 from motor_sysid.estimation.batch.sampling import linear_of
+from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.flat_tops import common_limits, limits_of
 
@@ -91,7 +92,9 @@ def test_a_stretch_shows_what_its_sensor_can_and_windows_of_it_do_so_too():
     kind, outputs = motor('brushed_dc'), ('speed', 'current')
     (stretch,) = make_chain(record, kind, outputs)
     run = np.full((len(record), 2, 1), 5.0)
-    linear = linear_of(kind, {p.name: np.array([p.value]) for p in kind.parameters}, outputs)
+    model = Model.base('brushed_dc', {})
+    values = {name: np.array([v]) for name, v in model.parameters.values().items()}
+    linear = linear_of(model, values, outputs)
     assert np.all(stretch.shown(run, linear) == [[5.0], [1.0]])
     (window, *_), *_ = thinned([(stretch,)], kind, outputs, 2000)
     assert np.array_equal(window.limits, stretch.limits)

@@ -8,6 +8,7 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.estimation.batch import linear_of, make_chain, sensors_of, thinned
+from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.doctor import seen_by_fits
 from motor_sysid.signals.record import Record
@@ -20,7 +21,9 @@ from motor_sysid.signals.slow_updates import (
 
 KIND, OUTPUTS = motor('brushed_dc'), ('speed', 'current')
 EVERY = 10
-ALONE = linear_of(KIND, {p.name: np.array([p.value]) for p in KIND.parameters}, OUTPUTS)
+MODEL = Model.base('brushed_dc', {})
+VALUES = {name: np.array([v]) for name, v in MODEL.parameters.values().items()}
+LINEAR = linear_of(MODEL, VALUES, OUTPUTS)
 
 
 def held(record: Record, *names: str, first: int = 3) -> Record:
@@ -67,13 +70,13 @@ def test_one_record_tells_of_the_sensor_in_all_and_windows_keep_it():
     assert sensors.periods == {'current': EVERY}
     (stretch,) = make_chain(resting, KIND, OUTPUTS, sensors=sensors)
     run = np.arange(len(resting))[:, np.newaxis, np.newaxis] * np.ones((1, 2, 1))
-    shown = stretch.shown(run, ALONE)[:, :, 0]
+    shown = stretch.shown(run, LINEAR)[:, :, 0]
     assert np.array_equal(shown[:, 0], np.arange(len(resting)))
     assert np.array_equal(np.unique(shown[:, 1])[1:], np.arange(3, len(resting), EVERY))
     windows = thinned([(stretch,)], KIND, OUTPUTS, 2000)
     for (window,) in windows:
         some = np.arange(len(window.record))[:, np.newaxis, np.newaxis] * np.ones((1, 2, 1))
-        lag = (some[window.scored_from :] - window.shown(some, ALONE))[:, 1, 0]
+        lag = (some[window.scored_from :] - window.shown(some, LINEAR))[:, 1, 0]
         assert 0 <= np.min(lag) <= np.max(lag) < EVERY
     (plain,) = make_chain(resting, KIND, OUTPUTS)
     assert not any(plain.sampling)

@@ -154,7 +154,7 @@ def run_lanes(
     `pushes` are by number of the stretch, counted over all chains.
     """
     results, first = list[Array](), 0
-    linear = linear_of(model.kind, table, problem.outputs)
+    linear = linear_of(model, table, problem.outputs)
     for chain in problem.chains:
         given = [] if pushes is None else [pushes[first + k] for k in range(len(chain))]
         runs = program.run_chain(

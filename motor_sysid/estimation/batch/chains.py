@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch.sampling import Linear, Sampling, STRAIGHT
+from motor_sysid.estimation.batch.sampling import Linear, Sampling
 from motor_sysid.estimation.batch.sensors import Sensors, sensors_of
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.motors.base import Motor
@@ -110,7 +110,7 @@ class Stretch:
         if one is None:
             return run
         inputs, dt = self.drive.inputs, self.drive.dt
-        return one.of(run, linear.settling(output, inputs, dt) if one.is_between else STRAIGHT)
+        return one.of(run, linear.alone(output, inputs, dt) if one.is_between else None)
 
     def moved(self, change: Array) -> 'Stretch':
         """Return the stretch with a (K, n_y) change added to what is judged."""

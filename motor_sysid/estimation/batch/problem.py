@@ -162,7 +162,7 @@ class Problem:
         table, results = self.values(z), []
         if not table or len(z) == 0:
             return []
-        linear = linear_of(self.model.kind, table, self.outputs)
+        linear = linear_of(self.model, table, self.outputs)
         for _, group in groupby(self.chains, key=lambda chain: chain[0].drive.dt):
             chains = list(group)
             stretches = [stretch for chain in chains for stretch in chain]

@@ -7,7 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-from motor_sysid.physics.motors.base import Motor
+from motor_sysid.physics.effects import effect
+from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record, Samples
 from motor_sysid.signals.slow_updates import news_of, shown_in
 
@@ -21,22 +22,55 @@ _DECIMALS = 6
 
 
 @dataclass(frozen=True)
-class Settling:
-    """How an output goes from row to row: straight, but for what steps of the input left to do.
+class Alone:
+    """What an input makes of an output alone: each step of it fades in at the rate of its winding.
+
+    What the motion does to that output is slow, and straight from row to row.
 
     Attributes
     ----------
-    rates:
-        (P,) 1/row, how fast it settles by itself.
-    away:
-        (N, P) how far it is from where it would go straight; empty if it always does.
+    stays:
+        (P,) what a row leaves of a difference.
+    rows:
+        (N, P) its values at the rows.
+    older, newer:
+        (N, P) where it goes before and after the input of a row arrives.
+    arrives:
+        (P,) when in the row that is, 0 to 1.
     """
 
-    rates: Array
-    away: Array
+    stays: Array
+    rows: Array
+    older: Array
+    newer: Array
+    arrives: Array
 
+    @classmethod
+    def of(cls, goes: Array, rates: Array, late: Array) -> 'Alone':
+        """Return it for rates (P,) 1/row, where (N, P) inputs lead, (P,) rows late."""
+        stays, whole = np.exp(-rates), np.floor(late).astype(np.intp)
+        rows = np.arange(len(goes))[:, np.newaxis] - whole
+        newer, older = (
+            np.take_along_axis(goes, np.maximum(rows - back, 0), axis=0) for back in (0, 1)
+        )
+        arrives = late - whole
+        left = stays ** (1.0 - arrives)
+        comes = older * (left - stays) + newer * (1.0 - left)
+        found = np.empty_like(goes)
+        for p, stay in enumerate(stays):
+            start = np.array([stay * older[0, p]])
+            found[1:, p] = lfilter([1.0], [1.0, -stay], comes[:-1, p], zi=start)[0]
+        found[0] = older[0]
+        return cls(stays, found, older, newer, arrives)
 
-STRAIGHT = Settling(np.zeros(0), np.zeros((0, 0)))
+    def at(self, low: Rows, part: Array) -> Array:
+        """Return it (M, P) in rows `low`, (M, 1) parts of a row on."""
+        left = self.stays**part
+        since = self.stays ** np.maximum(part - self.arrives, 0.0)
+        older, newer = self.older[low], self.newer[low]
+        return np.asarray(
+            left * self.rows[low] + older * (since - left) + newer * (1.0 - since)
+        )
 
 
 @dataclass(frozen=True)
@@ -49,23 +83,25 @@ class Linear:
         (n_y, P) 1/s, how fast each output settles by itself.
     gains:
         (n_y, n_u, P) where each settles with each input, alone.
+    late:
+        (P,) s after which an input arrives.
     """
 
     rates: Array
     gains: Array
+    late: Array
 
-    def settling(self, output: int, inputs: Array, dt: float) -> Settling:
-        """Return how an output goes from row to row under (N, n_u) held inputs."""
-        rates, gains = dt * self.rates[output], self.gains[output]
+    def alone(self, output: int, inputs: Array, dt: float) -> Alone | None:
+        """Return what (N, n_u) held inputs make of an output alone; None if that is not known."""
+        gains = self.gains[output]
         if inputs.shape[1] != len(gains) or not np.any(gains):
-            return STRAIGHT
-        kicks = -np.diff(inputs, axis=0, prepend=inputs[:1]) @ gains
-        away = [lfilter([1.0], [1.0, -np.exp(-r)], k) for r, k in zip(rates, kicks.T, strict=True)]
-        return Settling(rates, np.stack(away, axis=1))
+            return None
+        return Alone.of(inputs @ gains, dt * self.rates[output], self.late / dt)
 
 
-def linear_of(kind: Motor, values: Mapping[str, Array], outputs: Sequence[str]) -> Linear:
-    """Return the linear motor of parameters (P,) by name."""
+def linear_of(model: Model, values: Mapping[str, Array], outputs: Sequence[str]) -> Linear:
+    """Return the linear motor of a model with parameters (P,) by name."""
+    kind = model.kind
     a, b, _ = kind.like(values)
     states = {output.signal: kind.states.index(output.state) for output in kind.outputs}
     rows = [states[name] for name in outputs]
@@ -73,7 +109,13 @@ def linear_of(kind: Motor, values: Mapping[str, Array], outputs: Sequence[str]) 
     gains = np.stack([b[:, k].T for k in rows])
     settles = rates > 0
     over = np.where(settles, rates, 1.0)[:, np.newaxis]
-    return Linear(rates, np.where(settles[:, np.newaxis], gains / over, 0.0))
+    cards = [effect(key).card for key in model.effects]
+    delays = [
+        values[f'{key}.{card.delay}']
+        for key, card in zip(model.effects, cards, strict=True) if card.delay
+    ]  # fmt: skip
+    late = np.zeros(rates.shape[1]) + sum(delays)
+    return Linear(rates, np.where(settles[:, np.newaxis], gains / over, 0.0), late)
 
 
 @dataclass(frozen=True)
@@ -104,16 +146,19 @@ class Sampling:
         """Whether any was taken between two rows."""
         return bool(np.any(self.times % 1.0))
 
-    def of(self, run: Array, settling: 'Settling') -> Array:
-        """Return what is shown of an (N, P) output of P simulations, (N, P)."""
+    def of(self, run: Array, alone: Alone | None) -> Array:
+        """Return what is shown of an (N, P) output of P simulations, (N, P).
+
+        `alone` is what the input makes of it alone.
+        """
         if not self.mean:
-            return _between(run, self.times, settling)[self.shows]
-        total, straight = np.cumsum(run, axis=0), STRAIGHT
+            return _between(run, self.times, alone)[self.shows]
+        total = np.cumsum(run, axis=0)
         before = np.concatenate((self.times[:1], self.times[:-1]))
         length = (self.times - before)[:, np.newaxis]
-        since = _between(total, self.times, straight) - _between(total, before, straight)
+        since = _between(total, self.times) - _between(total, before)
         means = since / np.where(length > 0, length, 1.0)
-        return np.where(length > 0, means, _between(run, self.times, settling))[self.shows]
+        return np.where(length > 0, means, _between(run, self.times))[self.shows]
 
     def part(self, first: int, last: int) -> 'Sampling':
         """Return that of rows first to last (exclusive) of the run, as a run by itself.
@@ -155,16 +200,17 @@ def _is_mean(speed: Samples, record: Record) -> bool:
     return bool(off < MEAN * np.std(np.diff(speed.values)) + 1e-9 * np.std(speed.values))
 
 
-def _between(values: Array, times: Array, settling: Settling) -> Array:
-    """Return (M, P) of (N, P) values at M times in rows."""
+def _between(values: Array, times: Array, alone: Alone | None = None) -> Array:
+    """Return (M, P) of (N, P) values at M times in rows.
+
+    They are straight from row to row, but for what the input makes of them `alone`.
+    """
     low = np.minimum(times.astype(np.intp), len(values) - 1)
+    high = np.minimum(low + 1, len(values) - 1)
     part = (times - low)[:, np.newaxis]
-    found: Array = values[low]
     if not np.any(part):
-        return found
-    found = found + part * (values[np.minimum(low + 1, len(values) - 1)] - found)
-    if not settling.away.size:
-        return found
-    left = np.exp(-settling.rates)
-    bent = left**part - (1 - part) - part * left
-    return np.asarray(found + bent * settling.away[low])
+        return np.asarray(values[low])
+    if alone is None:
+        return np.asarray(values[low] + part * (values[high] - values[low]))
+    slow = values - alone.rows
+    return np.asarray(slow[low] + part * (slow[high] - slow[low]) + alone.at(low, part))
