@@ -60,8 +60,8 @@ def examine(records: Record | Sequence[Record], k_e: float | None = None) -> tup
 def seen_by_fits(records: Sequence[Record]) -> tuple[str, ...]:
     """Say what is odd about records as they were measured: what a fit mends, or takes for physics.
 
-    Stray samples and noise of a voltage, which it does not see, and signals that are held between
-    their updates.
+    Stray samples and noise of a voltage, which it does not see, and signals that are not new in
+    every row.
     """
     even = [record.uniform() for record in records]
     return (*told_strays(records), *told_noisy_inputs(even), *told_slow(records))

@@ -241,13 +241,14 @@ class Record:
         return self.slice(0, cut), self.slice(cut, len(self))
 
     def digest(self) -> str:
-        """Return the SHA-256 of the content (time, names, units, values), hexadecimal."""
+        """Return the SHA-256 of time, names, units, values and samples, hexadecimal."""
         sha = hashlib.sha256(self.time.tobytes())
         for name in sorted(self.signals):
             sha.update(f'{name} [{self.units[name]}]'.encode())
             sha.update(self.signals[name].tobytes())
             if name in self.samples:
                 sha.update(self.samples[name].time.tobytes())
+                sha.update(self.samples[name].values.tobytes())
         return sha.hexdigest()
 
 

@@ -157,8 +157,8 @@ def with_news_between(record: Record) -> Record:
 def _smooth(time: Array, known: Array, values: Array) -> Array:
     """Return values (N,) at times between those that are known, on a cubic spline.
 
-    Where the motor accelerates evenly for 10 ms a straight line is off by an eighth of what that
-    makes of the angle, which turns many waves of a turn by much.
+    Halfway between samples a straight line is off by ``a T^2 / 8`` where the motor accelerates by
+    `a` for their period `T`, which is much of a wave where a turn has many.
     """
     if known.size < FEWEST:
         return np.asarray(np.interp(time, known, values))

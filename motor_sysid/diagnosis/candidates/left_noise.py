@@ -34,7 +34,8 @@ def left_noise(
     """Return the noise model of what base parameters and the whole dictionary leave.
 
     Where there are few rows for the dictionary it would leave less than noise; then base
-    parameters alone are taken, and what an effect does counts as noise, too.
+    parameters alone are taken, and what an effect does counts as noise, too.  What an output shows
+    for several rows is one error, and weighs as one.
 
     Parameters
     ----------
