@@ -37,7 +37,7 @@ class Sum:
     def __init__(self, dt: float) -> None:
         self.dt, self.value, self.last = dt, 0.0, 0.0
 
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+    def update(self, t: Array, inputs: Array, outputs: Array, fresh: Array) -> None:
         for row in zip(t, inputs[:, 0], outputs[:, 0], strict=True):
             self.value = 0.999 * self.value + float(np.sin(row).sum())
             self.last = float(row[2])
@@ -65,11 +65,11 @@ class Slow(Sum):
         first = self.begun if hasattr(self, 'begun') else 0.0
         return {'sum': (-1.0, 1.0, '1', self.now - first > 1.0), 'extra': (2.0, 1.0, '1', True)}
 
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+    def update(self, t: Array, inputs: Array, outputs: Array, fresh: Array) -> None:
         if not hasattr(self, 'begun'):
             self.begun = float(t[0])
         self.now = float(t[-1])
-        super().update(t, inputs, outputs)
+        super().update(t, inputs, outputs, fresh)
 
 
 def unchanged(count: int) -> list[Event]:

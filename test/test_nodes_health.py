@@ -64,9 +64,16 @@ def test_a_topic_that_is_silent_is_named(heard: tuple[int, ...]) -> None:
 
 
 def test_stamps_that_never_meet_are_told() -> None:
-    message, warn = Intake().take(range(100), late=STEP // 3)
+    message, warn = Intake().take(range(100), late=3600_000_000_000)
     assert warn
-    assert message.startswith('no sample is complete: the stamps of the topics differ')
+    assert message.startswith('no sample is complete: the stamps of the topics have no time in')
+
+
+def test_stamps_that_differ_are_none_of_a_fault() -> None:
+    """The rows are those of the topic that drives; the others are known in between."""
+    intake = Intake()
+    assert intake.take(range(100), late=STEP // 3) == ('ok', False)
+    assert intake.status.values['clock'] == 'motor/voltage'
 
 
 def test_a_loss_is_over_when_it_is_over() -> None:

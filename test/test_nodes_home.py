@@ -15,6 +15,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.nodes.excitation import ExcitationSettings
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.recorder import RecorderNode
+from motor_sysid.nodes.topics import sources_of
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import save_model
 from motor_sysid.resources import shipped_file
@@ -39,8 +40,8 @@ def test_files_are_read_there(home: Path) -> None:
     assert IdentifierSettings(model_file='~/model.yaml').model()['R'] == 2.25
     shipped = shipped_file('msg_config', 'default')
     (home / 'own.yaml').write_text(shipped.read_text())
-    own = IdentifierSettings(msg_config='~/own.yaml').sources()
-    assert own == IdentifierSettings(msg_config='default').sources()
+    own = sources_of(IdentifierSettings(msg_config='~/own.yaml').messages())
+    assert own == sources_of(IdentifierSettings(msg_config='default').messages())
     save_profile(Profile('steps', 10.0, 2.0), home / 'steps.yaml')
     assert ExcitationSettings(profile='~/steps.yaml').plan()[0].duration == pytest.approx(2.0)
 

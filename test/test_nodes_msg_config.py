@@ -17,6 +17,7 @@ from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.identifier_settings import IdentifierSettings
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.motor import MotorNode
+from motor_sysid.nodes.topics import sources_of
 
 ARRAY = """
 namespace: arm
@@ -45,7 +46,7 @@ def test_the_shipped_default_is_the_default_for_every_motor(
     assert {topic.resolved for topic in given._topics} == {
         '/motor/voltage', '/motor/current', '/motor/speed'
     }  # fmt: skip
-    signals = plain.configuration().plan(plain.sources()).signals
+    signals = plain.configuration().plan(sources_of(plain.messages())).signals
     assert sorted(given._pipeline.signals) == sorted(signals)
 
 

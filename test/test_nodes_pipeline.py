@@ -183,7 +183,7 @@ class Sum:
     def __init__(self, dt: float) -> None:
         self.dt, self.value, self.last = dt, 0.0, 0.0
 
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+    def update(self, t: Array, inputs: Array, outputs: Array, fresh: Array) -> None:
         for row in zip(t, inputs[:, 0], outputs[:, 0], strict=True):
             self.value = 0.999 * self.value + float(np.sin(row).sum())
             self.last = float(row[2])
@@ -306,11 +306,12 @@ def test_units_and_signs_are_those_of_the_msg_config() -> None:
 
 def test_samples_with_a_value_that_is_no_number_are_left_out_and_counted() -> None:
     target = pipeline()
-    target.push(0, vector(0, float('nan')), 0)
-    target.push(1, vector(0, 1.0), 0)
-    target.push(2, joint(0, ['m'], [], [1.0]), 0)
+    for stamp in range(3):
+        target.push(0, vector(stamp, float('nan') if stamp else 0.0), 0)
+        target.push(1, vector(stamp, 1.0), 0)
+        target.push(2, joint(stamp, ['m'], [], [1.0]), 0)
     target.advance()
-    assert target.not_finite == 1
+    assert target.not_finite == 2
     assert target.record() is None
 
 

@@ -7,14 +7,17 @@ import pytest
 from scipy.signal import lsim
 
 from motor_sysid.estimation.online.algebra import joseph, settle
+from motor_sysid.estimation.online.base import Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.ekf import FilterpyUpdate
 from motor_sysid.estimation.online.filters import StateVariableFilter
+from motor_sysid.estimation.online.joint import JointFilter
 from motor_sysid.estimation.online.laws import evaluate_columns, LawColumns
 from motor_sysid.estimation.online.learners.directional import Directional
 from motor_sysid.estimation.online.learners.forgetting import Forgetting
 from motor_sysid.estimation.online.motion import Motion
 from motor_sysid.estimation.online.regressors import signal_names
+from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
@@ -172,3 +175,34 @@ def test_a_long_standstill_without_noise_makes_nobody_deaf(learner):
         found.update(np.zeros(2), 0.0)
     learn([1.5, -1.0], 3000)
     assert np.allclose(found.coefficients, [1.5, -1.0], atol=0.1)
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_no_parameter_is_less_known_than_anything_within_its_bounds(kind):
+    """The unscented filter looks as far as that: of a time squared of 6e-8 s^2, 1 is absurd."""
+    model = Model.base(kind)
+    names = [p.name for p in model.parameters.free]
+    sizes = Sizes.per_unit(model).seen(24.0, np.zeros(len(model.kind.states)))
+    for name, sigma in zip(names, prior_sigma(model, names, sizes, 1e-3), strict=True):
+        p = model.parameters[name]
+        if p.lower <= 0:
+            assert 0 < sigma < 0.3 * (p.upper - p.lower), name
+
+
+def test_a_filter_whose_covariance_is_none_begins_anew(monkeypatch):
+    model = Model.base('brushed_dc')
+    joint = JointFilter(model, 1e-3, ('current', 'speed'), Tuning())
+    samples = [(1e-3 * k, 1e-3, np.array([6.0]), np.array([0.1, float(k)])) for k in range(4)]
+    for sample in samples[:2]:
+        joint.step(*sample)
+    with monkeypatch.context() as broken:
+
+        def singular(*given: object) -> None:
+            raise np.linalg.LinAlgError('Matrix is singular to machine precision.')
+
+        broken.setattr(joint._sensing, 'measure', singular)
+        joint.step(*samples[2])
+    assert joint.lost == 1
+    joint.step(*samples[3])
+    assert joint.lost == 1
+    assert np.isfinite(joint.covariance()).all()

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 Estimate = tuple[float, float, str, bool]
 """Value, standard deviation, unit, whether the data so far identify it."""
@@ -28,8 +29,12 @@ LOOK = 0.1
 class Online(Protocol):
     """What an online estimator offers; see `motor_sysid.estimation.online`."""
 
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
-        """Take (K,) times in s with (K, n_u) inputs and (K, n_y) outputs, one after the other."""
+    def update(self, t: Array, inputs: Array, outputs: Array, fresh: Mask) -> None:
+        """Take (K,) times in s with (K, n_u) inputs and (K, n_y) outputs, one after the other.
+
+        `fresh` (K, n_y) tells which outputs were measured then, and do not lie between two that
+        were.
+        """
 
     def estimate(self) -> Mapping[str, Estimate]:
         """Return the estimates by parameter name."""
@@ -56,15 +61,15 @@ class Handover:
         self._known = {name for name, found in old.estimate().items() if found[3]}
         self._begin = self._next = math.nan
 
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+    def update(self, t: Array, inputs: Array, outputs: Array, fresh: Mask) -> None:
         """Give samples to both, or to the new one alone once it is ready.
 
         Parameters
         ----------
         t:
             (K,) times in s.
-        inputs, outputs:
-            (K, n_u) and (K, n_y).
+        inputs, outputs, fresh:
+            (K, n_u), (K, n_y) and (K, n_y), see `Online`.
         """
         start = 0
         while self._old is not None and start < t.size:
@@ -73,11 +78,11 @@ class Handover:
             stop = start + 1 + int(np.searchsorted(t[start:], self._next))
             rows = slice(start, min(stop, t.size))
             for one in (self._old, self._new):
-                one.update(t[rows], inputs[rows], outputs[rows])
+                one.update(t[rows], inputs[rows], outputs[rows], fresh[rows])
             start = rows.stop
             self._look(float(t[start - 1]))
         if start < t.size:
-            self._new.update(t[start:], inputs[start:], outputs[start:])
+            self._new.update(t[start:], inputs[start:], outputs[start:], fresh[start:])
 
     def _look(self, time: float) -> None:
         """Let the old one go if the new one is ready."""

@@ -8,6 +8,7 @@ from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 import hashlib
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,10 +17,25 @@ from motor_sysid.estimation.handover import Estimate, Handover, Online
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 SECOND = 1_000_000_000
 LEARNED = 50
 """Samples from which the sample time is learned."""
+
+class Batch(NamedTuple):
+    """Samples: (K,) stamps in ns, (K, n_u) inputs, (K, n_y) outputs and which are fresh."""
+
+    stamps: Stamps
+    inputs: Array
+    outputs: Array
+    fresh: Mask
+
+    def rows(self, start: int, stop: int) -> 'Batch':
+        """Return rows start to stop (exclusive)."""
+        part = slice(start, stop)
+        return Batch(self.stamps[part], self.inputs[part], self.outputs[part], self.fresh[part])
+
 
 Make = Callable[[float], Online]
 """Makes an estimator for a sample time in s."""
@@ -101,7 +117,7 @@ class EstimateStream:
     def reset(self) -> None:
         """Forget everything; the next sample is the first."""
         self._online: Online | None = None
-        self._early: list[tuple[Stamps, Array, Array]] = []
+        self._early: list[Batch] = []
         self._first = self._last = -1
         self.samples = 0
         self._step = self._rates.sample
@@ -141,7 +157,9 @@ class EstimateStream:
             self._changes = deque(one for one in self._changes if one[0] is not None)
         self._changes.append((at, make))
 
-    def feed(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
+    def feed(
+        self, stamps: Stamps, inputs: Array, outputs: Array, fresh: Mask | None = None
+    ) -> list[Event]:
         """Take the next samples; return what is to be published.
 
         Parameters
@@ -150,16 +168,19 @@ class EstimateStream:
             (K,) ns; where they fall back, the source started anew, and so does the estimator.
         inputs, outputs:
             (K, n_u) and (K, n_y).
+        fresh:
+            (K, n_y) which outputs were measured then, and do not just lie between two that were;
+            None for all.
         """
+        whole = Batch(stamps, inputs, outputs, _all(outputs) if fresh is None else fresh)
         events: list[Event] = []
         times: list[int] = stamps.tolist()
         start = 0
         for stop in self._turns(times):
-            rows = slice(start, stop)
             if times[start] <= self._last:
                 self.reset()
             self._turn(times[start])
-            events += self._run(stamps[rows], times[rows], inputs[rows], outputs[rows])
+            events += self._run(whole.rows(start, stop))
             start = stop
         return events
 
@@ -184,56 +205,52 @@ class EstimateStream:
             if self._online is not None:
                 self._online = Handover(self._online, make(self.sample_time))
 
-    def _run(
-        self, stamps: Stamps, times: Sequence[int], inputs: Array, outputs: Array
-    ) -> list[Event]:
+    def _run(self, batch: Batch) -> list[Event]:
         if self._first < 0:
-            self._first = times[0]
+            self._first = int(batch.stamps[0])
         if self._online is not None:
-            return self._process(stamps, times, inputs, outputs)
-        self._early.append((stamps, inputs, outputs))
-        self._last = times[-1]
+            return self._process(batch)
+        self._early.append(batch)
+        self._last = int(batch.stamps[-1])
         ready = self._learn()
-        return self._process(ready[0], ready[0].tolist(), *ready[1:]) if ready else []
+        return self._process(ready) if ready else []
 
-    def _learn(self) -> tuple[Stamps, Array, Array] | None:
+    def _learn(self) -> Batch | None:
         """Make the estimator once the sample time is known; returns what waited for it."""
-        stamps = np.concatenate([part[0] for part in self._early])
+        waited = Batch(*(np.concatenate(parts) for parts in zip(*self._early, strict=True)))
         if not self._step:
-            if stamps.size < LEARNED:
+            if waited.stamps.size < LEARNED:
                 return None
-            self._step = int(np.median(np.diff(stamps[:LEARNED])))
+            self._step = int(np.median(np.diff(waited.stamps[:LEARNED])))
         self._online = self._make(self.sample_time)
-        waited = self._early
         self._early, self._last = [], -1
-        return stamps, *(np.concatenate([part[k] for part in waited]) for k in (1, 2))  # type: ignore[return-value]
+        return waited
 
-    def _process(
-        self, stamps: Stamps, times: Sequence[int], inputs: Array, outputs: Array
-    ) -> list[Event]:
+    def _process(self, batch: Batch) -> list[Event]:
         """Take samples whose stamps rise; an event is due where a period begins."""
         events: list[Event] = []
+        times = batch.stamps.tolist()
         last, start = self._last if self._last >= 0 else times[0], 0
         for k, time in enumerate(times):
             self._note_gap(time - last)
             estimate = self._begins(self._rates.estimate, last, time)
             if estimate or self._begins(self._rates.prediction, last, time):
-                rows = slice(start, k + 1)
-                self._update(stamps[rows], inputs[rows], outputs[rows])
+                self._update(batch.rows(start, k + 1))
                 events.append(self._event(estimate))
                 start = k + 1
             last = time
         if start < len(times):
-            self._update(stamps[start:], inputs[start:], outputs[start:])
+            self._update(batch.rows(start, len(times)))
         return events
 
     def _begins(self, period: int, last: int, time: int) -> bool:
         """Tell whether a new period begins between two stamps."""
         return (time - self._first) // period > (last - self._first) // period
 
-    def _update(self, stamps: Stamps, inputs: Array, outputs: Array) -> None:
+    def _update(self, batch: Batch) -> None:
         assert self._online is not None
-        self._online.update((stamps - self._first) / SECOND, inputs, outputs)
+        stamps, inputs, outputs, fresh = batch
+        self._online.update((stamps - self._first) / SECOND, inputs, outputs, fresh)
         for digest, values in zip(self._digests, (stamps, inputs, outputs), strict=True):
             digest.update(values.tobytes())
         self.samples += stamps.size
@@ -261,3 +278,6 @@ class EstimateStream:
         parts = b''.join(digest.digest() for digest in self._digests)
         return hashlib.blake2b(parts, digest_size=8).hexdigest()
 
+
+def _all(outputs: Array) -> Mask:
+    return np.ones(outputs.shape, dtype=np.bool_)

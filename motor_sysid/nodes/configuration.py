@@ -115,9 +115,9 @@ class Configuration:
         """Return the topics to listen to whose type is not given."""
         return untyped(sources, self.wanted(), self.frame)
 
-    def plan(self, sources: Sequence[Source]) -> SignalPlan:
+    def plan(self, sources: Sequence[Source], base_clock: str = '') -> SignalPlan:
         """Return what to listen to; see `plan_signals`."""
-        return plan_signals(sources, self.wanted(), self.frame)
+        return plan_signals(sources, self.wanted(), self.frame, base_clock)
 
     def pipeline(self, plan: SignalPlan, readers: Sequence[TopicReader], window: int) -> Pipeline:
         """Return the working part."""

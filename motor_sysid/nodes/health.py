@@ -119,6 +119,7 @@ class Health:
             'out_of_order': counts.out_of_order,
             'overflow': counts.overflow,
             'restarts': counts.restarts,
+            'clock': self._pipeline.join.clock or 'equal stamps',
             'not_finite': self._pipeline.not_finite,
             'overrun': self._pipeline.overrun,
             'backlog': self._pipeline.collect(),
@@ -141,7 +142,10 @@ class Health:
         if silent:
             return f'nothing heard of {", ".join(silent)}'
         if now.joined == before.joined:
-            return 'no sample is complete: the stamps of the topics differ (`stamp_tolerance`?)'
+            return (
+                'no sample is complete: the stamps of the topics have no time in common; '
+                'synchronise the clocks, or give `stamp: receive` in a msg_config file'
+            )
         missing, gaps = now.missing - before.missing, now.gaps - before.gaps
         paused = gaps == 1 and missing > PAUSE
         if now.lost > before.lost or (missing and not paused):

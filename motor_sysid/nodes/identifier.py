@@ -45,7 +45,7 @@ from motor_sysid.nodes.statuses import (
     Status,
     under,
 )
-from motor_sysid.nodes.topics import with_types
+from motor_sysid.nodes.topics import sources_of, with_types
 
 FIELDS = {
     'position': 'position', 'speed': 'velocity', 'current': 'effort', 'current_q': 'effort',
@@ -85,7 +85,8 @@ class IdentifierNode(LoopNode):
         self.settings = Settings(self, IdentifierSettings)
         s = self.settings.value
         self.period = s.drain_period
-        self._sources = s.sources()
+        self._messages = s.messages()
+        self._sources = sources_of(self._messages)
         with self._patience():
             first = Preparation(s.configuration, 0.0)
             wait_for(lambda: first.running)
@@ -100,7 +101,7 @@ class IdentifierNode(LoopNode):
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()
         self._work = LongWork(self.get_logger(), s.effect_files)
-        self._next_look, self._doubt = 0.0, ''
+        self._next_look, self._doubt, self._rows_of = 0.0, '', ''
         self._advertise()
         self._publish_model(now_ns(self.get_clock()))
         if s.refit_period or s.diagnose_period:
@@ -126,7 +127,8 @@ class IdentifierNode(LoopNode):
         found = {t: here[n][0] for t in asked if (n := self.resolve_topic_name(t)) in here}
         if asked - set(found):
             return
-        plan = self._configuration.plan(with_types(self._sources, found))
+        sources = with_types(self._sources, found)
+        plan = self._configuration.plan(sources, self._messages.base_clock)
         readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
         self._pipeline = self._configuration.pipeline(
             plan, readers, self.settings.value.window_samples
@@ -229,9 +231,7 @@ class IdentifierNode(LoopNode):
         if self._pipeline is None:
             self._connect()
             return
-        if self._pipeline.doubt != self._doubt:
-            self._doubt = self._pipeline.doubt
-            self.get_logger().warning(self._doubt)
+        self._tell_of_stamps(self._pipeline)
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
@@ -246,6 +246,17 @@ class IdentifierNode(LoopNode):
         if self._work.fitted is not None:
             statuses += fit_statuses(self._work.fitted)
         self._model.publish(stamp, statuses)
+
+    def _tell_of_stamps(self, pipeline: Pipeline) -> None:
+        """Say once what is odd about the stamps, and how topics are joined that share none."""
+        if pipeline.doubt != self._doubt:
+            self._doubt = pipeline.doubt
+            self.get_logger().warning(self._doubt)
+        if pipeline.join.clock != self._rows_of:
+            self._rows_of = pipeline.join.clock
+            self.get_logger().info(
+                f'the stamps of the topics differ: samples are taken at those of {self._rows_of}'
+            )
 
     # --- the effects of the model: services and the parameter `effects` take this one way
 

@@ -10,12 +10,12 @@ from motor_sysid.nodes.editing import edited
 from motor_sysid.nodes.hidden import parse_assignments
 from motor_sysid.nodes.own_effects import add_effect_files
 from motor_sysid.nodes.parameters import as_path, parameter
-from motor_sysid.nodes.topics import DEFAULT_CONFIG, sources_of
+from motor_sysid.nodes.topics import DEFAULT_CONFIG
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.store import load_model
 from motor_sysid.recording.msg_config import load_msg_config
-from motor_sysid.recording.sources import Source
+from motor_sysid.recording.sources import MsgConfig
 
 REFIT_METHODS = tuple(name for name in METHODS if name != 'two_stage')
 """What a live refit can do: the reference of the controller is not among the samples."""
@@ -59,8 +59,9 @@ class IdentifierSettings:
         0.0, 'Time from sample to sample; 0 to learn it from the stamps.', 's', 0, 1
     )
     stamp_tolerance: float = parameter(
-        0.0, 'Stamps of one sample may differ by this much.', 's', 0, 1
-    )
+        0.0, 'Messages whose stamps differ by no more than this are one sample; 0 to find out: '
+        'those with equal stamps are, or every topic has a clock of its own.', 's', 0, 1,
+    )  # fmt: skip
     estimate_rate: float = parameter(
         10.0, 'Estimates published per second of sample time.', 'Hz', 0.01, 1000
     )
@@ -130,8 +131,6 @@ class IdentifierSettings:
             self.estimate_rate, self.prediction_rate, self.stamp_tolerance,
         )  # fmt: skip
 
-    def sources(self) -> tuple[Source, ...]:
+    def messages(self) -> MsgConfig:
         """Return which topic carries which signal."""
-        if not self.msg_config:
-            return sources_of(DEFAULT_CONFIG)
-        return sources_of(load_msg_config(as_path(self.msg_config)))
+        return load_msg_config(as_path(self.msg_config)) if self.msg_config else DEFAULT_CONFIG

@@ -15,14 +15,17 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.stream import EstimateStream, Event
 from motor_sysid.machine_code import kept
-from motor_sysid.nodes.angles import Angles
+from motor_sysid.nodes.joining import Joining
 from motor_sysid.nodes.topic_plan import TopicReader
 from motor_sysid.nodes.topics import OPTIONAL, SignalPlan
-from motor_sysid.signals.join import Row, StampJoin
-from motor_sysid.signals.record import Provenance, Record
+from motor_sysid.nodes.window import Window
+from motor_sysid.signals.clock_join import Sample
+from motor_sysid.signals.join import Row
+from motor_sysid.signals.record import Provenance, Record, Samples
 
 Array = NDArray[np.float64]
 Stamps = NDArray[np.int64]
+Mask = NDArray[np.bool_]
 
 SECOND = 1_000_000_000
 
@@ -31,40 +34,6 @@ NEVER = 2**63 - 1
 
 LONGEST_BACKLOG = 100_000
 """Samples that may wait for the estimator before the oldest are dropped."""
-
-
-class Window:
-    """The last samples, in a ring of fixed size; it begins anew where the stamps fall back.
-
-    Parameters
-    ----------
-    capacity:
-        Samples kept.
-    width:
-        Values of one sample.
-    """
-
-    def __init__(self, capacity: int, width: int) -> None:
-        self._stamps = np.zeros(capacity, dtype=np.int64)
-        self._values = np.zeros((capacity, width))
-        self._taken = 0
-
-    def __len__(self) -> int:
-        """Return the number of samples held."""
-        return min(self._taken, self._stamps.size)
-
-    def append(self, stamps: Stamps, values: Array, good: NDArray[np.bool_]) -> None:
-        """Add those of (K,) stamps and (K, width) values that are good (K,)."""
-        self._taken = _append(self._stamps, self._values, self._taken, stamps, values, good)
-
-    def clear(self) -> None:
-        """Forget all samples."""
-        self._taken = 0
-
-    def last(self) -> tuple[Stamps, Array]:
-        """Return the samples in order: (N,) stamps in ns, (N, width) values."""
-        rows = (self._taken - len(self) + np.arange(len(self))) % self._stamps.size
-        return self._stamps[rows], self._values[rows]
 
 
 class Pipeline:
@@ -107,7 +76,7 @@ class Pipeline:
         tolerance: int = 0,
     ) -> None:
         self._plan, self._readers = plan, tuple(readers)
-        self.join = StampJoin(len(plan.topics), tolerance=tolerance)
+        self.join = Joining(plan, window, tolerance)
         self.stream, self.not_finite = stream, 0
         self.signals = plan.signals
         self._columns = (
@@ -116,10 +85,10 @@ class Pipeline:
             np.array([self.signals.index(n) if n in self.signals else -1 for n in outputs]),
         )
         self.window = Window(window, len(self.signals))
-        self._angles, self._last = Angles(plan.read), NEVER
+        self._last = NEVER
         self._compile()
         self._starts = np.empty(0, dtype=np.int64)
-        self._ready: deque[Row] = deque()
+        self._ready: deque[Row | Sample] = deque()
         self._cost = 1e-4
         self.overrun = 0
 
@@ -128,7 +97,7 @@ class Pipeline:
         stamps, values = np.zeros(1, dtype=np.int64), np.zeros((1, len(self.signals)))
         self.window.append(stamps, values, _arrange(values, *self._columns)[0])
         self.window.clear()
-        self._angles.unwrap(np.zeros((1, len(self._plan.read))), _fall_back(stamps, NEVER))
+        _fall_back(stamps, NEVER)
 
     @property
     def doubt(self) -> str:
@@ -176,15 +145,21 @@ class Pipeline:
             self._cost = max(0.8 * self._cost + 0.2 * taken, 1e-6)
         return events
 
-    def _work(self, rows: Sequence[Row]) -> list[Event]:
+    def _work(self, rows: Sequence[Row | Sample]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
-        read = self._plan.to_si(np.array([row[1] for row in rows], dtype=np.float64))
-        self._angles.unwrap(read, self._begins(stamps))
-        values = self._plan.with_computed(read)
+        read = self.join.read(rows, self._begins(stamps))
+        values = self._plan.with_computed(read.values)
         good, inputs, outputs = _arrange(values, *self._columns)
         self.not_finite += len(rows) - int(np.count_nonzero(good))
         self.window.append(stamps, values, good)
-        return self._feed(stamps, inputs, outputs)
+        return self._feed(stamps, inputs, outputs, self._fresh(read.fresh))
+
+    def _fresh(self, read: Mask | None) -> Mask | None:
+        """Return which outputs (K, n_y) were measured about then; what is computed counts so."""
+        if read is None:
+            return None
+        computed = np.ones((read.shape[0], len(self.signals) - read.shape[1] + 1), dtype=np.bool_)
+        return np.hstack([read, computed])[:, self._columns[2]]
 
     def _begins(self, stamps: Stamps) -> NDArray[np.bool_]:
         """Tell for each of (K,) stamps whether the estimator begins anew with it."""
@@ -196,9 +171,11 @@ class Pipeline:
         """Leave out what is before the first of these stamps (ns), and start anew at each."""
         self._starts = np.array(sorted(stamps), dtype=np.int64)
 
-    def _feed(self, stamps: Stamps, inputs: Array, outputs: Array) -> list[Event]:
+    def _feed(
+        self, stamps: Stamps, inputs: Array, outputs: Array, fresh: Mask | None
+    ) -> list[Event]:
         if not self._starts.size:
-            return self.stream.feed(stamps, inputs, outputs)
+            return self.stream.feed(stamps, inputs, outputs, fresh)
         events: list[Event] = []
         cuts = np.flatnonzero(np.isin(stamps, self._starts))
         for start, stop in pairwise([0, *cuts.tolist(), stamps.size]):
@@ -206,7 +183,8 @@ class Pipeline:
                 if stamps[start] in self._starts:
                     self.stream.reset()
                 rows = slice(start, stop)
-                events += self.stream.feed(stamps[rows], inputs[rows], outputs[rows])
+                shown = None if fresh is None else fresh[rows]
+                events += self.stream.feed(stamps[rows], inputs[rows], outputs[rows], shown)
         return events
 
     def reset(self) -> None:
@@ -229,12 +207,23 @@ class Pipeline:
             for k, name in enumerate(self.signals)
             if not name.startswith('_') and np.isfinite(values[:, k]).all()
         ]
+        time = (stamps - stamps[0]) / SECOND
         return Record(
-            (stamps - stamps[0]) / SECOND,
+            time,
             {self.signals[k]: values[:, k] for k in finite},
             {self.signals[k]: self._plan.sources[k].si_unit() for k in finite},
             Provenance('live topics'),
+            samples=self._samples(stamps, {self.signals[k] for k in finite}),
         )
+
+    def _samples(self, stamps: Stamps, names: Collection[str]) -> dict[str, Samples]:
+        """Return what was measured at other times than those of the rows (N,), by signal."""
+        first, last = 0.0, (stamps[-1] - stamps[0]) / SECOND
+        return {
+            name: Samples((own - stamps[0]) / SECOND, values).around(first, last)
+            for name, (own, values) in self.join.sampled().items()
+            if name in names and own.size > 1 and not np.all(np.isin(stamps, own))
+        }
 
 
 @kept()
@@ -245,21 +234,6 @@ def _fall_back(stamps, last):  # type: ignore[no-untyped-def]
         back[k] = stamps[k] <= last
         last = stamps[k]
     return back
-
-
-@kept()
-def _append(ring_stamps, ring_values, taken, stamps, values, good):  # type: ignore[no-untyped-def]
-    """Add good samples to the ring; return how many it was given since they began (anew)."""
-    for k in range(stamps.size):
-        if good[k]:
-            if taken and stamps[k] <= ring_stamps[(taken - 1) % ring_stamps.size]:
-                taken = 0
-            row = taken % ring_stamps.size
-            ring_stamps[row] = stamps[k]
-            for j in range(values.shape[1]):
-                ring_values[row, j] = values[k, j]
-            taken += 1
-    return taken
 
 
 @kept()

@@ -218,7 +218,7 @@ def _plan(bag: Bag, given: Configuration, config: MsgConfig) -> SignalPlan:
         if topic or source.derived
     ]
     try:
-        return given.plan(sources)
+        return given.plan(sources, config.base_clock)
     except UserError as error:
         known = ', '.join(bag.topics) or 'no topics'
         raise UserError(f'{bag.path} has {known}: {error}') from None

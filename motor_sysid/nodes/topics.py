@@ -50,10 +50,13 @@ class SignalPlan:
         The topics, in the order of the columns that they carry.
     computed:
         Products, sums and constants, in an order in which each needs only what is before it.
+    base_clock:
+        Signal whose stamps the rows have where those of the topics differ; empty to choose.
     """
 
     topics: tuple[TopicPlan, ...]
     computed: tuple[Source, ...] = ()
+    base_clock: str = ''
 
     @cached_property
     def sources(self) -> tuple[Source, ...]:
@@ -104,7 +107,7 @@ def sources_of(config: MsgConfig) -> tuple[Source, ...]:
 
 
 def plan_signals(
-    sources: Sequence[Source], wanted: Collection[str], frame: str = DC
+    sources: Sequence[Source], wanted: Collection[str], frame: str = DC, base_clock: str = ''
 ) -> SignalPlan:
     """Choose a source for each wanted signal.
 
@@ -132,7 +135,9 @@ def plan_signals(
             place = source.topic, source.type, source.stamp, source.stamp_unit
             grouped[place].append(source)
     topics = tuple(TopicPlan(*place, tuple(members)) for place, members in grouped.items())
-    return SignalPlan(topics, tuple(source for source in chosen.values() if source.derived))
+    computed = tuple(source for source in chosen.values() if source.derived)
+    known = any(source.signal == base_clock for topic in topics for source in topic.sources)
+    return SignalPlan(topics, computed, base_clock if known else '')
 
 
 def untyped(sources: Sequence[Source], wanted: Collection[str], frame: str = DC) -> set[str]:

@@ -7,7 +7,7 @@ within a row is averaged over it, so that the volt-seconds stay right.  What was
 when, is kept beside what is interpolated.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -74,19 +74,37 @@ def choose_base(series: Sequence[Series], signal: str) -> Series:
     has one input: when a measured signal was sampled is known, what an input did within a row is
     not.  Without one it is that of the speed, or else position or current.
     """
-    if signal:
-        for one in series:
-            if signal in one.signals:
-                return one
-        raise UserError(f'base_clock `{signal}` is not in the data; leave it out or name another')
-    most = max(one.stamps.size for one in series)
-    fast = [one for one in series if one.stamps.size >= NEARLY * most]
-    driven = [name for one in fast for name in one.signals if role_of(name) is Role.INPUT]
+    names = [tuple(one.signals) for one in series]
+    return series[fastest([one.stamps.size for one in series], names, signal)]
+
+
+def fastest(counts: Sequence[int], signals: Sequence[Collection[str]], wanted: str = '') -> int:
+    """Return the number of the topic whose stamps are to be the rows', see `choose_base`.
+
+    Parameters
+    ----------
+    counts, signals:
+        Messages and signals of each topic.
+    wanted:
+        Signal whose topic it is to be, if not empty.
+
+    Raises
+    ------
+    UserError
+        If no topic has that signal.
+    """
+    if wanted:
+        for k, names in enumerate(signals):
+            if wanted in names:
+                return k
+        raise UserError(f'base_clock `{wanted}` is not in the data; leave it out or name another')
+    fast = [k for k, count in enumerate(counts) if count >= NEARLY * max(counts)]
+    driven = [name for k in fast for name in signals[k] if role_of(name) is Role.INPUT]
     for name in (*driven, *MEASURED):
-        for one in fast:
-            if name in one.signals:
-                return one
-    return max(fast, key=lambda one: one.stamps.size)
+        for k in fast:
+            if name in signals[k]:
+                return k
+    return max(fast, key=lambda k: counts[k])
 
 
 def align(

@@ -46,6 +46,8 @@ class JoinCounts:
         return self.incomplete + self.out_of_order + self.overflow
 
 
+LIMIT = 4096
+"""Most messages that wait on one topic."""
 REMEMBERED, KNOWN = 32, 4
 """Intervals of a topic whose mean is its period, and how many there must be."""
 
@@ -72,10 +74,15 @@ class StampJoin:
         Most messages that wait on one topic.
     tolerance:
         Largest difference of stamps (ns) that still counts as equal; a sample bears the newest.
+    counts:
+        Told what becomes of the messages.
     """
 
-    def __init__(self, topics: int, limit: int = 4096, tolerance: int = 0) -> None:
-        self.counts = JoinCounts()
+    def __init__(
+        self, topics: int, limit: int = LIMIT, tolerance: int = 0,
+        counts: JoinCounts | None = None,
+    ) -> None:  # fmt: skip
+        self.counts = counts or JoinCounts()
         self._waiting: tuple[deque[Row], ...] = tuple(deque() for _ in range(topics))
         self._last = [-(2**63)] * topics
         self._done: list[Row] = []

@@ -4,7 +4,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,7 +91,15 @@ class OnlineEstimator(ABC):
         Measured signals, in the order of the columns.
     tuning:
         Settings.
+
+    Attributes
+    ----------
+    bridges:
+        Whether it needs every output at every sample, be it on a line between two that were
+        measured; a filter takes such a line for knowledge that it is not.
     """
+
+    bridges: ClassVar[bool] = False
 
     @abstractmethod
     def __init__(

@@ -15,6 +15,7 @@ from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 
 Array = NDArray[np.float64]
+Mask = NDArray[np.bool_]
 
 _ERROR_MEMORY = 1.0
 
@@ -89,7 +90,9 @@ class OnlineIdentifier:
         outputs = np.repeat(1e-3 * steps, len(self.outputs))
         self.update(self.dt * steps, np.ones(4 * self._columns.size), outputs)
 
-    def update(self, t: Array, inputs: Array, outputs: Array) -> None:
+    def update(
+        self, t: Array, inputs: Array, outputs: Array, fresh: Mask | None = None
+    ) -> None:
         """Take samples in order.
 
         Parameters
@@ -100,27 +103,33 @@ class OnlineIdentifier:
             (K, n_u) inputs that act from each stamp to the next, NaN where not known.
         outputs:
             (K, n_y) outputs measured at the stamps, NaN where missing.
+        fresh:
+            (K, n_y) which outputs were measured then; the others lie between two that were, and
+            are shown only to estimators that need a value at every sample.  None for all.
         """
         stamps = np.asarray(t, dtype=np.float64)
         u = np.array(inputs, dtype=np.float64, order='C').reshape(stamps.size, self._columns.size)
         y = np.array(outputs, dtype=np.float64, order='C').reshape(stamps.size, len(self.outputs))
         u = _arrange(u, self._columns, y)
+        seen = y
+        if fresh is not None and not self._estimator.bridges:
+            seen = np.where(fresh, y, np.nan)
         for k, time in enumerate(stamps.tolist()):
-            self._take(time, u[k], y[k])
+            self._take(time, u[k], seen[k], y[k])
 
-    def _take(self, time: float, u: Array, y: Array) -> None:
+    def _take(self, time: float, u: Array, seen: Array, y: Array) -> None:
         h = time - self._last_time
         if h <= 0 or not math.isfinite(time):
             self.dropped += 1
             return
         if not h <= self._tuning.gap * self.dt:
             self.gaps += int(self.samples > 0)
-            self._estimator.restart(y)
+            self._estimator.restart(seen)
             self._delay.fill(self._held)
             self._prediction[:] = self._residual[:] = np.nan
         else:
             held = self._delay.push(self._held, h)
-            self._prediction = self._estimator.step(self._last_time, h, held, y)
+            self._prediction = self._estimator.step(self._last_time, h, held, seen)
             _note(self._prediction, y, self._keep, self._residual, self._power)
         _hold(u, self._held)
         self._last_time, self._held = time, u

@@ -84,7 +84,8 @@ class JointFilter:
     Attributes
     ----------
     lost:
-        How often the filter had to begin anew because a number was no longer finite.
+        How often the filter had to begin anew because a number was no longer finite, or the
+        covariance of what was measured no longer one.
     seen:
         (k,) what was measured last, (k, d) its slopes by the state, (k,) its noise variances.
     """
@@ -177,9 +178,7 @@ class JointFilter:
             return self._sensing.outputs(before, self._x, h)
         sound = self._predict(time, h, u)
         predicted = self._sensing.outputs(before, self._x, h)
-        if sound:
-            self._correct(h, y)
-        else:
+        if not (sound and self._correct(h, y)):
             self.lost += 1
             self._begin()
             self._grow(u, y)
@@ -227,17 +226,25 @@ class JointFilter:
         )  # fmt: skip
         return bool(sound)
 
-    def _correct(self, h: float, y: Array) -> None:
+    def _correct(self, h: float, y: Array) -> bool:
+        """Weigh what was measured; tell whether its covariance could be inverted."""
+        try:
+            return self._weigh(h, y)
+        except np.linalg.LinAlgError:
+            return False
+
+    def _weigh(self, h: float, y: Array) -> bool:
         z, rows, noise, doubt = self._sensing.measure(
             y, self._x, self._cov, h, self._prior, self._stride
         )
         if z.size == 0:
-            return
+            return True
         self.seen = z, rows, noise
         unrest = self._unrest * (_RISE if doubt else _FALL)
         self._unrest = min(max(unrest, 1.0), _MOST)
         self._x, self._cov = self._update(self._x, self._cov, z, rows, noise)
         settle(self._x, self._cov, *self._box)
+        return True
 
     def estimate(self) -> dict[str, Estimate]:
         """Return the free parameters with their standard deviations."""

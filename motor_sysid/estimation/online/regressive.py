@@ -43,6 +43,8 @@ class Regressive(OnlineEstimator):
         If a signal that an equation needs is not measured.
     """
 
+    bridges = True
+
     def __init__(
         self,
         model: Model,

@@ -16,6 +16,7 @@ from motor_sysid.physics.scales import Scales
 Array = NDArray[np.float64]
 
 _RECORD = 10.0
+_UNIFORM = 12**-0.5
 _STEPS = 1000
 _PRIOR_AMPLITUDE = 0.5
 _PRIOR_LOG = 0.7
@@ -66,7 +67,7 @@ def prior_sigma(model: Model, names: Sequence[str], sizes: Sizes, dt: float) -> 
 
     A known sigma is taken (2 % at least); without one, what must be positive is good to a factor
     of two, friction to its own value, an amplitude to half of its scale, an offset to a tenth of
-    its signal.
+    its signal; none is less known than anything within its bounds.
     """
     typical = _scales(model, sizes, dt)
     spread = {
@@ -86,7 +87,8 @@ def prior_sigma(model: Model, names: Sequence[str], sizes: Sizes, dt: float) -> 
 def _spread(model: Model, name: str, spread: dict[str, float]) -> float:
     p = model.parameters[name]
     logarithm = p.lower > VANISHING
-    size = p.value if logarithm else spread.get(name, abs(p.value) or 1.0)
+    anything = _UNIFORM * (p.upper - p.lower)
+    size = p.value if logarithm else min(spread.get(name, abs(p.value) or 1.0), anything)
     if p.sigma is not None and np.isfinite(p.sigma) and p.sigma > 0:
         known = max(p.sigma, _LEAST * size)
         return float(known / size if logarithm else known)

@@ -67,6 +67,8 @@ class SlidingMode(OnlineEstimator):
         If the model has no free load torque, or a signal of the torque balance is not measured.
     """
 
+    bridges = True
+
     def __init__(self, model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> None:
         if LOAD not in [p.name for p in model.parameters.free]:
             raise UserError(

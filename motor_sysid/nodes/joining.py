@@ -1,0 +1,265 @@
+"""How the messages of several topics become rows: by equal stamps, or by clocks of their own."""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.nodes.angles import Angles
+from motor_sysid.nodes.topic_plan import TopicPlan
+from motor_sysid.nodes.topics import SignalPlan
+from motor_sysid.nodes.window import Window
+from motor_sysid.recording.align import fastest, is_regular
+from motor_sysid.recording.rows import gap_limit
+from motor_sysid.signals.channels import Role, role_of
+from motor_sysid.signals.clock_join import Clock, ClockJoin, NEVER, Sample
+from motor_sysid.signals.join import JoinCounts, LIMIT, RESTART, Row, StampJoin, Values
+
+Array = NDArray[np.float64]
+Stamps = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+
+SECOND = 1_000_000_000
+
+LOOKS = ((3, 0.9), (20, 0.5))
+"""After so many messages of each topic their stamps are equal if at least this share of those of
+the fastest topic has partners; after the last look they are not."""
+LONG = 2000
+"""With so many messages of one topic, an input or a reference that says less is sent on change."""
+
+
+@dataclass(frozen=True)
+class Read:
+    """What was read for some rows.
+
+    Attributes
+    ----------
+    values:
+        (K, read) in SI, angles continuous.
+    fresh:
+        (K, read) whether it was measured about then; else it lies between two messages.  None
+        where all was.
+    """
+
+    values: Array
+    fresh: Mask | None = None
+
+
+class Joining:
+    """Joins topics on equal stamps, or each with its own clock on those of one topic.
+
+    Which of both is found from the first messages, which wait until then: a robot's topics come
+    from one cycle or from several.
+
+    Parameters
+    ----------
+    plan:
+        The topics.
+    window:
+        Messages kept of each topic that has its own clock.
+    tolerance:
+        Largest difference of stamps (ns) that count as equal; above 0 the nearest stamps go
+        together, whatever they are.
+
+    Attributes
+    ----------
+    counts:
+        What became of the messages.
+    clock:
+        Topic whose stamps the rows have; empty where stamps are equal, or it is not known yet.
+    """
+
+    def __init__(self, plan: SignalPlan, window: int, tolerance: int = 0) -> None:
+        self._plan, self._window = plan, window
+        self.counts, self.clock = JoinCounts(), ''
+        self._join: StampJoin | _Clocks | None = None
+        if tolerance or len(plan.topics) < 2:
+            self._join = StampJoin(len(plan.topics), tolerance=tolerance, counts=self.counts)
+        self._first: tuple[deque[Row], ...] = tuple(deque() for _ in plan.topics)
+        self._held = [Role.MEASURED not in _roles(topic) for topic in plan.topics]
+        self._angles = Angles(plan.read)
+        self._angles.unwrap(np.zeros((1, len(plan.read))), np.ones(1, dtype=np.bool_))
+
+    def push(self, topic: int, stamp: int, values: Values) -> None:
+        """Take one message: its stamp in ns and its values as they were sent."""
+        if self._join is not None:
+            self._join.push(topic, stamp, values)
+            return
+        queue = self._first[topic]
+        if queue and stamp <= queue[-1][0]:
+            if stamp > queue[-1][0] - RESTART:
+                self.counts.out_of_order += 1
+                return
+            for one in self._first:
+                self.counts.early += len(one)
+                one.clear()
+        if len(queue) >= LIMIT:
+            queue.popleft()
+            self.counts.early += 1
+        queue.append((stamp, values))
+
+    def pop(self) -> Sequence[Row | Sample]:
+        """Return the rows that are complete, in order."""
+        if self._join is None and all(self._first):
+            self._choose()
+        return self._join.pop() if self._join is not None else ()
+
+    def read(self, rows: Sequence[Row | Sample], begins: Mask) -> Read:
+        """Return what (K,) rows hold; `begins` (K,) tells where rows begin anew."""
+        if isinstance(self._join, _Clocks):
+            return self._join.read(rows, begins)
+        values = self._plan.to_si(np.array([row[1] for row in rows], dtype=np.float64))
+        self._angles.unwrap(values, begins)
+        return Read(values)
+
+    def sampled(self) -> dict[str, tuple[Stamps, Array]]:
+        """Return measured signals that have stamps of their own: (N,) ns and (N,) values in SI."""
+        return self._join.sampled() if isinstance(self._join, _Clocks) else {}
+
+    def _choose(self) -> None:
+        """Choose how to join, if the first messages tell."""
+        begin = max(queue[0][0] for queue in self._first)
+        stamps = [[row[0] for row in queue if row[0] >= begin] for queue in self._first]
+        for count, share in LOOKS:
+            last = self._end(stamps, count)
+            if last is None:
+                return
+            seen = [[stamp for stamp in own if stamp <= last] for own in stamps]
+            if _with_partners(seen) >= share * max(map(len, seen)):
+                self._join = StampJoin(len(seen), counts=self.counts)
+                break
+        else:
+            signals = [[source.signal for source in topic.sources] for topic in self._plan.topics]
+            base = fastest([len(own) for own in seen], signals, self._plan.base_clock)
+            self.clock = self._plan.topics[base].topic
+            self._join = _Clocks(self._plan, stamps, base, self.counts, self._window)
+        for k, queue in enumerate(self._first):
+            for stamp, values in queue:
+                self._join.push(k, stamp, values)
+            queue.clear()
+
+    def _end(self, stamps: Sequence[Sequence[int]], count: int) -> int | None:
+        """Return the stamp up to which so many messages of each topic are known; None if not."""
+        busy = max(map(len, stamps)) >= LONG
+        last = [
+            own[count - 1] if len(own) >= count else -1 if held and busy else None
+            for own, held in zip(stamps, self._held, strict=True)
+        ]
+        if None in last:
+            return None
+        end = max(stamp for stamp in last if stamp is not None)
+        known = all(own[-1] >= end for own in stamps if len(own) >= count)
+        return end if known else None
+
+
+class _Clocks:
+    """Topics with clocks of their own, in SI and continuous before they are interpolated.
+
+    Beside each value goes what was added to its angle, so that rows can begin anew without it.
+    """
+
+    def __init__(
+        self, plan: SignalPlan, stamps: Sequence[Sequence[int]], base: int, counts: JoinCounts,
+        window: int,
+    ) -> None:  # fmt: skip
+        self._topics, self._counts, self._base = plan.topics, counts, base
+        clocks = [_clock(t, np.array(own)) for t, own in zip(plan.topics, stamps, strict=True)]
+        self._join = ClockJoin(clocks, base, counts)
+        sizes = [len(topic.sources) for topic in plan.topics]
+        self._angles = [Angles(topic.sources) for topic in plan.topics]
+        self._windows = [Window(window, size) for size in sizes]
+        self._new: list[list[Row]] = [[] for _ in sizes]
+        self._last = [NEVER] * len(sizes)
+        ends = 2 * np.cumsum(sizes)
+        self._of_topic = np.repeat(np.arange(len(sizes)), sizes)
+        self._value = np.concatenate(
+            [end - 2 * size + np.arange(size) for end, size in zip(ends, sizes, strict=True)]
+        )
+        self._added = self._value + np.repeat(sizes, sizes)
+        self._turns = np.zeros(sum(sizes))
+
+    def push(self, topic: int, stamp: int, values: Values) -> None:
+        """Take one message as it was sent."""
+        self._new[topic].append((stamp, values))
+
+    def pop(self) -> list[Sample]:
+        """Return the rows that every topic has reached."""
+        for k, messages in enumerate(self._new):
+            if messages:
+                self._take(k, messages)
+                messages.clear()
+        return self._join.pop()
+
+    def _take(self, topic: int, messages: Sequence[Row]) -> None:
+        """Convert new messages of one topic, remember them and hand them on."""
+        good, begins = [], []
+        for message in messages:
+            stamp, last = message[0], self._last[topic]
+            if last - RESTART < stamp <= last:
+                self._counts.out_of_order += 1
+                continue
+            good.append(message)
+            begins.append(stamp <= last or last == NEVER)
+            self._last[topic] = stamp
+        if not good:
+            return
+        sources = self._topics[topic].sources
+        raw = np.array([values for _, values in good], dtype=np.float64)
+        sent = np.column_stack([one.to_si(raw[:, k]) for k, one in enumerate(sources)])
+        values = sent.copy()
+        self._angles[topic].unwrap(values, np.array(begins))
+        stamps = np.array([stamp for stamp, _ in good], dtype=np.int64)
+        self._windows[topic].append(stamps, values, np.ones(stamps.size, dtype=np.bool_))
+        both = np.hstack([values, values - sent])
+        for stamp, row in zip(stamps.tolist(), both.tolist(), strict=True):
+            self._join.push(topic, stamp, tuple(row))
+
+    def read(self, rows: Sequence[Row | Sample], begins: Mask) -> Read:
+        """Return what (K,) rows hold: angles as if their first message came where rows begin."""
+        both = np.array([row[1] for row in rows])
+        added = both[:, self._added]
+        start = np.maximum.accumulate(np.where(begins, np.arange(begins.size), -1))
+        turns = np.where((start < 0)[:, None], self._turns, added[start])
+        self._turns = turns[-1]
+        fresh = np.array([row[2] for row in rows if isinstance(row, Sample)])
+        return Read(both[:, self._value] - turns, fresh[:, self._of_topic])
+
+    def sampled(self) -> dict[str, tuple[Stamps, Array]]:
+        """Return the measured signals of all topics but the base clock's."""
+        found = {}
+        for k, source in enumerate(source for topic in self._topics for source in topic.sources):
+            topic = int(self._of_topic[k])
+            if topic != self._base and role_of(source.signal) is Role.MEASURED:
+                stamps, values = self._windows[topic].last()
+                column = values[:, k - int(np.argmax(self._of_topic == topic))]
+                finite = np.isfinite(column)
+                found[source.signal] = stamps[finite], column[finite] - self._turns[k]
+        return found
+
+
+def _roles(topic: TopicPlan) -> tuple[Role, ...]:
+    return tuple(role_of(source.signal) for source in topic.sources)
+
+
+def _clock(topic: TopicPlan, stamps: Stamps) -> Clock:
+    """Return how a topic keeps time, by the stamps of its first messages (N,)."""
+    roles = _roles(topic)
+    steps = np.diff(stamps)
+    reach = gap_limit((stamps - stamps[0]) / SECOND)
+    on_change = Role.MEASURED not in roles and not is_regular(stamps)
+    return Clock(
+        (*roles, *(Role.STEPPED for _ in roles)),
+        int(np.median(steps)) if steps.size else 0,
+        None if on_change or not np.isfinite(reach) else round(reach * SECOND),
+    )
+
+
+def _with_partners(stamps: Sequence[Sequence[int]]) -> int:
+    """Return how many stamps all topics have in common."""
+    join = StampJoin(len(stamps))
+    for topic, own in enumerate(stamps):
+        for stamp in own:
+            join.push(topic, stamp, ())
+    return len(join.pop())
