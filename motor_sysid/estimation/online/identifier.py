@@ -12,7 +12,7 @@ from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.estimators import known_estimator
 from motor_sysid.machine_code import kept
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -83,6 +83,10 @@ class OnlineIdentifier:
         self._prediction = np.full(outputs, np.nan)
         self._residual = np.full(outputs, np.nan)
         self._power = np.zeros((2, outputs))
+        difference = self.model.speed_sensor is SpeedSensor.DIFFERENCE
+        both = {'speed', 'position'} <= set(self.outputs)
+        lines = difference and both and self._estimator.bridges
+        self._slow = _SlowSpeed(self.outputs) if lines else None
 
     def _compile(self) -> None:
         """Compile everything before the first sample: it may take seconds, once on a machine."""
@@ -115,6 +119,8 @@ class OnlineIdentifier:
         if fresh is not None and not self._estimator.bridges:
             seen = np.where(fresh, y, np.nan)
         for k, time in enumerate(stamps.tolist()):
+            if fresh is not None and self._slow is not None:
+                self._slow.give_speed(time, y[k], fresh[k])
             self._take(time, u[k], seen[k], y[k])
 
     def _take(self, time: float, u: Array, seen: Array, y: Array) -> None:
@@ -166,6 +172,26 @@ class OnlineIdentifier:
     def estimator(self) -> OnlineEstimator:
         """The estimator itself."""
         return self._estimator
+
+
+class _SlowSpeed:
+    """The speed of a slow encoder as the difference of its positions, for what needs it always.
+
+    Whether such a speed belongs to an instant or is the mean since the message before, its topic
+    does not say; the difference of the positions between two messages is the mean from row to row.
+    """
+
+    def __init__(self, outputs: Sequence[str]) -> None:
+        self._speed, self._position = outputs.index('speed'), outputs.index('position')
+        self._slow, self._last = False, (math.nan, math.nan)
+
+    def give_speed(self, time: float, y: Array, fresh: Mask) -> None:
+        """Set the speed among outputs (n_y,), once one was seen that is not measured always."""
+        self._slow = self._slow or not fresh[self._speed]
+        before, place = self._last
+        if self._slow and math.isfinite(y[self._position]) and time > before:
+            y[self._speed] = (y[self._position] - place) / (time - before)
+        self._last = time, y[self._position]
 
 
 class _DelayLine:
