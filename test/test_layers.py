@@ -125,6 +125,14 @@ def test_imports_go_one_way_inside_diagnosis(path: Path) -> None:
     assert not faults_inside(path)
 
 
+def test_only_the_doctor_and_what_stands_above_know_its_checks() -> None:
+    """They look at signals and motors, which do not look back."""
+    below = [*(PACKAGE / 'signals').glob('*.py'), *(PACKAGE / 'physics').rglob('*.py')]
+    for path in set(below) - {PACKAGE / 'signals' / 'doctor.py'}:
+        names = [name for name, _ in imported(ast.parse(path.read_text()))]
+        assert not [n for n in names if n.startswith('motor_sysid.signals.checks')], path.name
+
+
 @pytest.mark.parametrize('room', sorted(rooms_in(PACKAGE / 'diagnosis')))
 def test_a_room_of_diagnosis_names_its_files(room: str) -> None:
     folder = PACKAGE / 'diagnosis' / room

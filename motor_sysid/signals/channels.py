@@ -43,6 +43,10 @@ CHANNELS = (
     *(Channel(f'current_{axis}', ('A',), Role.MEASURED) for axis in 'abcdq'),
     Channel('hall_sector', ('1',), Role.STEPPED),
 )
+DRIVING_CURRENTS = ('current_q', 'current')
+"""Take the place of an input where there is none (a current-controlled axis)."""
+SLOW = frozenset({'temperature', 'supply_voltage', 'hall_sector'})
+"""Signals that may be constant or in coarse steps without harm."""
 BY_NAME = {channel.name: channel for channel in CHANNELS}
 
 

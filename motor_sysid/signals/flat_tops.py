@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.signals.checks.common import runs
+from motor_sysid.signals.held import runs
 from motor_sysid.signals.lattice import lattice
 
 Array = NDArray[np.float64]

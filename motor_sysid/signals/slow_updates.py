@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
-from motor_sysid.signals.channels import Role, role_of
-from motor_sysid.signals.checks.common import runs
-from motor_sysid.signals.checks.values import SLOW
+from motor_sysid.signals.channels import Role, role_of, SLOW
+from motor_sysid.signals.held import runs
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record, Samples
 

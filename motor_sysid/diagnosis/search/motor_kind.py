@@ -11,7 +11,8 @@ from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import top_speed
-from motor_sysid.signals.checks.common import DRIVING_CURRENTS, SUPPLY
+from motor_sysid.signals.channels import DRIVING_CURRENTS
+from motor_sysid.signals.checks.common import SUPPLY
 from motor_sysid.signals.record import Record
 
 FAST_FIELD, WELL_SEEN = 1.5, 0.5

@@ -28,7 +28,7 @@ from motor_sysid.physics.motors.base import (
 )
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter
-from motor_sysid.signals.checks.common import DRIVING_CURRENTS
+from motor_sysid.signals.channels import DRIVING_CURRENTS
 from motor_sysid.signals.record import Record
 
 INPUTS = (('torque',), ('force',), ('current',), ('current_q',))

@@ -3,14 +3,13 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.signals.channels import DRIVING_CURRENTS
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
 INPUTS = ('voltage', 'voltage_q', 'duty', 'force', 'torque', 'voltage_command', 'voltage_a')
 """Signals that drive a motor, the most direct first."""
-DRIVING_CURRENTS = ('current_q', 'current')
-"""Take the place of an input where there is none (a current-controlled axis)."""
 SUPPLY = (
     'the supply voltage that the duty cycle is a share of: a column `supply_voltage [V]`, or '
     '`supply_voltage: {constant: 24}` in a msg_config file'
@@ -53,10 +52,3 @@ def smoothed(values: Array, width: int) -> Array:
 def is_angular(record: Record) -> bool:
     """Tell whether the axis turns (and does not slide)."""
     return not {'m', 'm/s', 'N'} & set(record.units.values())
-
-
-def runs(values: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return start and length of the stretches of equal values."""
-    edges = np.flatnonzero(np.diff(values) != 0) + 1
-    starts = np.concatenate(([0], edges))
-    return starts, np.diff(np.append(starts, values.size))

@@ -4,9 +4,9 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from motor_sysid.signals.channels import DRIVING_CURRENTS
 from motor_sysid.signals.checks.common import (
     Array,
-    DRIVING_CURRENTS,
     INPUTS,
     is_angular,
     main_current,

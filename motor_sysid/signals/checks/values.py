@@ -4,16 +4,15 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from motor_sysid.signals.channels import Role, role_of
-from motor_sysid.signals.checks.common import Array, main_input, runs
+from motor_sysid.signals.channels import Role, role_of, SLOW
+from motor_sysid.signals.checks.common import Array, main_input
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.flat_tops import limits_of
+from motor_sysid.signals.held import runs
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.strays import without_strays
 
-SLOW = frozenset({'temperature', 'supply_voltage', 'hall_sector'})
-"""Signals that may be constant or in coarse steps without harm."""
 ABSURD = 1e30
 """No signal of a motor is larger in SI."""
 COARSE = 0.1
