@@ -9,11 +9,13 @@ from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
 from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
+from motor_sysid.diagnosis.own_values import with_own_values
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.result.threshold import Threshold
 from motor_sysid.diagnosis.search.bench import (
     base_fit,
+    Bench,
     make_bench,
     prepared_parts,
     refuse_short,
@@ -104,15 +106,22 @@ def diagnose(
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
     nominal = nominal or {}
-    found = _searched(Engine(bench, candidates, settings, tell, nominal), model)
+
+    def searched(on: Bench) -> Diagnosis:
+        return _searched(Engine(on, candidates, settings, tell, nominal), model)
+
+    def searched_anew(
+        train: Sequence[Record], held: Sequence[Record], *, lent: bool = False
+    ) -> Diagnosis:
+        fraction = settings.validation_fraction
+        other = make_bench(train, held, kind, model, fraction, nominal, lent=lent)
+        other = replace(with_scales(other, model), threshold=bench.threshold)
+        return searched(replace(other, offered=bench.offered))
+
+    found = with_own_values(searched(bench), bench, records, held, searched_anew, tell)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
-        fraction = settings.validation_fraction
-        shared = make_bench(records, held, kind, model, fraction, nominal, lent=True)
-        shared = with_scales(shared, model)
-        shared = replace(shared, threshold=bench.threshold, offered=bench.offered)
-        again = _searched(Engine(shared, candidates, settings, tell, nominal), model)
-        found = better_with_half_lent(found, again)
+        found = better_with_half_lent(found, searched_anew(records, held, lent=True))
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))

@@ -1,0 +1,172 @@
+"""A parameter of the motor, or the strength of its input, that is not the same in all records.
+
+A battery that is emptier than reckoned with, a winding that is warmer, another payload: within a
+record nothing is missing, but no model has the same parameters in all of them.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from motor_sysid.diagnosis.candidates.left_noise import left_noise
+from motor_sysid.estimation.batch import fit_and_slopes, Linearization, Problem, Weighting, white
+from motor_sysid.estimation.batch.chains import Chain, Stretch
+from motor_sysid.estimation.batch.least_squares import newton_step, normal_equations
+from motor_sysid.physics.model import Model
+
+Array = NDArray[np.float64]
+
+INPUT = 'input'
+"""In place of a parameter's name: what all inputs are multiplied by."""
+
+NUDGE = 1e-3
+"""Relative step of the input in its derivative."""
+
+CERTAIN = 50.0
+"""Evidence (gain in BIC) from which on records differ: noise models are never quite right."""
+
+MATTERS = 0.005
+"""Relative difference from which on it is told; temperature alone makes a resistance differ more.
+"""
+
+
+@dataclass(frozen=True)
+class Differing:
+    """What differs from record to record.
+
+    Attributes
+    ----------
+    name:
+        Of the parameter, or `INPUT`.
+    factors, sigmas:
+        (n,) what it is multiplied by in each record against the first, and the standard error of
+        that.
+    delta_bic:
+        Gain in BIC against the same value in all.
+    share:
+        Of the squared error, what goes with it.
+    model:
+        Fitted to all records; its parameters are those of the first.
+    """
+
+    name: str
+    factors: Array
+    sigmas: Array
+    delta_bic: float
+    share: float
+    model: Model
+
+    @property
+    def matters(self) -> bool:
+        """Whether it is certain, and not too little to speak of."""
+        off = np.abs(self.factors - 1.0)
+        seen = off > np.maximum(MATTERS, 3.0 * self.sigmas)
+        return self.delta_bic > CERTAIN and bool(np.any(seen))
+
+
+def differing(
+    model: Model, chains: Sequence[Chain], outputs: Sequence[str], substeps: int = 1
+) -> Differing | None:
+    """Return what differs most clearly between records; None if there is only one.
+
+    Every base parameter that must be positive, and the input, is given a value of its own in each
+    record, all other parameters at their best: one step of Gauss and Newton from where the model
+    fits all of them.
+
+    Parameters
+    ----------
+    model:
+        The model, which is fitted to all records first.
+    chains:
+        One for each record.
+    outputs, substeps:
+        See `Problem`.
+    """
+    if len(chains) < 2:
+        return None
+    result, near = fit_and_slopes(
+        Problem(model, chains, outputs, substeps=substeps), reweight=1, iterations=10
+    )
+    problem = Problem(result.model, chains, outputs, substeps=substeps)
+    owner = [k for k, chain in enumerate(chains) for stretch in chain if stretch.scored]
+    own = [
+        (name, [_by_record(c, k, len(chains)) for c, k in zip(columns, owner, strict=True)])
+        for name, columns in _directions(problem, near)
+    ]
+    weighting = _noise(problem, near, [columns for _, columns in own])
+    now = _cost(near, weighting)[0]
+    rows = float(np.sum(problem.fresh)) * sum(len(one.residual) for one in near)
+    found = []
+    for name, columns in own:
+        wider = [
+            replace(one, slope=np.concatenate((one.slope, extra), axis=2))
+            for one, extra in zip(near, columns, strict=True)
+        ]
+        cost, step, sigma = _cost(wider, weighting)
+        gain = now - cost - (len(chains) - 1) * np.log(rows)
+        own_step, own_sigma = (np.append(0.0, x[-(len(chains) - 1) :]) for x in (step, sigma))
+        if np.all(np.isfinite(own_step)):
+            factors = np.exp(np.clip(own_step, -2.0, 2.0))
+            share = _share(problem, wider, step)
+            found.append(
+                Differing(name, factors, factors * own_sigma, gain, share, result.model)
+            )
+    return max(found, key=lambda one: one.delta_bic, default=None)
+
+
+def _directions(
+    problem: Problem, near: Sequence[Linearization]
+) -> Iterator[tuple[str, list[Array]]]:
+    """Yield what may differ, and (N, n_y) derivatives of all stretches by its logarithm."""
+    z = problem.vector()[np.newaxis]
+    louder = [tuple(_louder(stretch) for stretch in chain) for chain in problem.chains]
+    scaled = Problem(problem.model, louder, problem.outputs, substeps=problem.substeps)
+    pairs = zip(problem.simulate(z), scaled.simulate(z), strict=True)
+    yield INPUT, [(b - a)[..., 0] / NUDGE for a, b in pairs]
+    base = {p.name for p in problem.model.kind.parameters}
+    for k, one in enumerate(problem.free):
+        if one.name in base and one.logarithmic:
+            yield one.name, [part.slope[..., k] for part in near]
+
+
+def _louder(stretch: Stretch) -> Stretch:
+    drive = stretch.drive
+    return replace(stretch, drive=replace(drive, inputs=(1.0 + NUDGE) * drive.inputs))
+
+
+def _by_record(column: Array, record: int, count: int) -> Array:
+    """Return (N, n_y, count - 1) derivatives by the values of all records but the first."""
+    wide = np.zeros((*column.shape, count - 1))
+    if record:
+        wide[..., record - 1] = column
+    return wide
+
+
+def _noise(
+    problem: Problem, near: Sequence[Linearization], own: Sequence[Sequence[Array]]
+) -> Weighting:
+    """Return the noise that is left where every parameter has its own value in each record."""
+    raw = [
+        np.concatenate((one.residual[..., np.newaxis], one.slope, *extra), axis=2)
+        for one, *extra in zip(near, *own, strict=True)
+    ]
+    plain = white([problem.settled(one, white([one.residual for one in near])) for one in near])
+    return left_noise(problem, raw, [one.start for one in near], plain)
+
+
+def _cost(near: Sequence[Linearization], weighting: Weighting) -> tuple[float, Array, Array]:
+    """Return the whitened sum of squares at the nearest minimum, the step there, its errors."""
+    gradient, curvature, cost = normal_equations(near, weighting)
+    step = newton_step(gradient, curvature)
+    spread = np.diag(np.linalg.pinv(curvature, rcond=1e-12, hermitian=True))
+    return cost - float(step @ gradient), step, np.sqrt(np.maximum(spread, 0.0))
+
+
+def _share(problem: Problem, near: Sequence[Linearization], step: Array) -> float:
+    """Return the share of the squared error, all outputs alike, that goes with a step."""
+    size = np.std(np.concatenate([s.judged for s in problem.stretches]), axis=0)
+    before = np.concatenate([one.residual for one in near]) / size
+    after = np.concatenate([one.residual - one.slope @ step for one in near]) / size
+    return max(0.0, 1.0 - float(np.sum(after**2) / max(np.sum(before**2), 1e-300)))

@@ -1,0 +1,136 @@
+"""Records whose supply, resistance or payload is not the same, and what is missing beside."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from bench_motor import measure, MOTOR, voltage_profile
+import numpy as np
+import pytest
+
+from motor_sysid.diagnosis import diagnose, Verdict
+from motor_sysid.diagnosis.own_values import FINE, in_words
+from motor_sysid.diagnosis.search.bench import prepared
+from motor_sysid.diagnosis.search.by_record import CERTAIN, Differing, differing, INPUT
+from motor_sysid.estimation.batch import make_chain
+from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.signals.record import Provenance, Record
+
+OUTPUTS = ('speed', 'current')
+COULOMB = {'coulomb_friction': {'tau_c': 0.006}}
+DEAD_TIME = {'inverter_dead_time': {'v_d': 0.5}}
+SAME = ({}, {}, {})
+WARMER = ({}, {'R': 1.08}, {'R': 1.03})
+WEAKER = (1.0, 0.92, 0.97)
+
+
+def recorded(
+    effects: Mapping[str, Mapping[str, float]] | None = None,
+    scales: Sequence[Mapping[str, float]] = SAME,
+    gains: Sequence[float] = (1.0, 1.0, 1.0),
+    seconds: float = 8.0,
+) -> list[Record]:
+    """Return a record of each kind of excitation, of a motor that is not the same in each.
+
+    What is recorded is the voltage without its gain.
+    """
+    found = []
+    for k, kind in enumerate(('steps', 'triangle', 'sines')):
+        rng = np.random.default_rng([k, 5])
+        volts = voltage_profile(kind, seconds, rng)
+        values = {name: value * scales[k].get(name, 1.0) for name, value in MOTOR.items()}
+        model = Model.base('brushed_dc', values)
+        for key, given in (effects or {}).items():
+            model = model.with_effect(key, given)
+        found.append(measure(model, gains[k] * volts, rng).with_signal('voltage', volts, 'V'))
+    return found
+
+
+def what_differs(records: Sequence[Record], **effects: Mapping[str, float]) -> Differing:
+    """Return what differs between records for a model that knows the effects."""
+    model = Model.base('brushed_dc', MOTOR, speed_sensor=SpeedSensor.DIFFERENCE)
+    for key, values in effects.items():
+        model = model.with_effect(key, values)
+    ready = prepared(records, 'brushed_dc', MOTOR)
+    chains = [make_chain(r, model.kind, OUTPUTS) for r in ready]
+    found = differing(model, chains, OUTPUTS, FINE)
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize('effects', [{}, COULOMB], ids=['complete', 'coulomb'])
+@pytest.mark.parametrize(
+    ('name', 'scales', 'gains', 'factors'),
+    [
+        ('R', WARMER, (1.0, 1.0, 1.0), (1.0, 1.08, 1.03)),
+        (INPUT, SAME, WEAKER, (1.0, 0.92, 0.97)),
+        ('J', ({}, {'J': 1.3}, {}), (1.0, 1.0, 1.0), (1.0, 1.3, 1.0)),
+    ],
+)
+def test_what_differs_is_told_and_by_how_much(effects, name, scales, gains, factors):
+    """One step of Gauss and Newton: within a tenth of the difference."""
+    found = what_differs(recorded(effects, scales, gains), **effects)
+    assert found.name == name
+    assert found.matters
+    assert found.delta_bic > 10 * CERTAIN
+    off = 0.12 * np.abs(np.array(factors) - 1.0)
+    assert np.all(np.abs(found.factors - factors) < off + 0.002)
+
+
+@pytest.mark.parametrize('effects', [{}, COULOMB, DEAD_TIME], ids=str)
+def test_records_of_one_motor_do_not_differ(effects):
+    found = what_differs(recorded(effects), **effects)
+    assert not found.matters
+
+
+def test_one_record_has_nothing_to_differ_from():
+    model = Model.base('brushed_dc', MOTOR)
+    (record, *_) = recorded(seconds=2.0)
+    assert differing(model, [make_chain(record, model.kind, OUTPUTS)], OUTPUTS) is None
+
+
+@pytest.mark.parametrize(
+    ('effects', 'scales', 'gains'),
+    [(COULOMB, WARMER, (1.0, 1.0, 1.0)), (DEAD_TIME, SAME, WEAKER)],
+    ids=['warm winding', 'weak battery'],
+)
+def test_an_effect_is_named_beside_what_differs_between_records(effects, scales, gains):
+    found = diagnose(recorded(effects, scales, gains), motor='brushed_dc')
+    (key,) = effects
+    (name, value), = effects[key].items()
+    assert (found.verdict, found.effects) == (Verdict.EFFECT_MISSING, (key,))
+    assert not found.unknown
+    assert found.model[f'{key}.{name}'] == pytest.approx(value, rel=0.01)
+    what = 'R (armature resistance)' if scales is WARMER else 'The input is not as strong'
+    assert found.reasons[1].startswith(what)
+    assert 'make up for that' in found.reasons[2]
+
+
+def test_nothing_is_named_for_it():
+    """Of the model that fits all records something was unknown, and no more was said."""
+    found = diagnose(recorded({}, SAME, WEAKER), motor='brushed_dc')
+    assert (found.verdict, found.effects) == (Verdict.UNKNOWN_EFFECT, ())
+    assert found.reasons[0].startswith('The input is not as strong in all records')
+    assert 'No effect of the catalogue is missing beside that' in found.reasons[1]
+    assert found.model['k_t'] == pytest.approx(MOTOR['k_t'], rel=0.005)
+
+
+def test_a_payload_is_told_though_no_input_makes_up_for_it():
+    found = diagnose(recorded({}, ({}, {'J': 1.3}, {})), motor='brushed_dc')
+    assert found.verdict is Verdict.UNKNOWN_EFFECT
+    assert found.reasons[1].startswith('J (inertia of rotor and load) is not the same')
+
+
+def test_it_is_said_of_which_record_and_how_surely():
+    model = Model.base('brushed_dc', MOTOR)
+    sources = ('cold.csv', 'warm.csv')
+    records = [
+        replace(r, provenance=Provenance(source))
+        for r, source in zip(recorded(seconds=1.0), sources, strict=False)
+    ]
+    warm = Differing('R', np.array([1.0, 1.08]), np.array([0.0, 0.001]), 900.0, 0.5, model)
+    said = in_words(warm, records)
+    assert 'against cold.csv (2.1 ohm), it is +8 % (95 %: +7.6 to +8.4 %) in warm.csv' in said
+    weak = replace(warm, name=INPUT, factors=np.array([1.0, 0.92]))
+    assert 'it is -8 % (95 %: -8.4 to -7.6 %) in warm.csv' in in_words(weak, records)
+    alike = [replace(r, provenance=Provenance('log.csv')) for r in records]
+    assert 'against record 1' in in_words(weak, alike)
