@@ -1,7 +1,7 @@
 """Find out which physical effect a motor model lacks."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,6 +28,7 @@ from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.effort import counted_by
 from motor_sysid.estimation.batch import Chain
+from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.checks import timing
@@ -105,23 +106,11 @@ def diagnose(
     keys = [one.key for one in candidates]
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
-    nominal = nominal or {}
-
-    def searched(on: Bench) -> Diagnosis:
-        return _searched(Engine(on, candidates, settings, tell, nominal), model)
-
-    def searched_anew(
-        train: Sequence[Record], held: Sequence[Record], *, lent: bool = False
-    ) -> Diagnosis:
-        fraction = settings.validation_fraction
-        other = make_bench(train, held, kind, model, fraction, nominal, lent=lent)
-        other = replace(with_scales(other, model), threshold=bench.threshold)
-        return searched(replace(other, offered=bench.offered))
-
-    found = with_own_values(searched(bench), bench, records, held, searched_anew, tell)
+    search = _Search(model, bench, candidates, settings, tell, nominal or {})
+    found = with_own_values(search.on(bench), bench, records, held, search.anew, tell)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
-        found = better_with_half_lent(found, searched_anew(records, held, lent=True))
+        found = better_with_half_lent(found, search.anew(records, held, lent=True))
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
@@ -129,12 +118,36 @@ def diagnose(
     return with_threshold(found, threshold)
 
 
-def _searched(engine: Engine, model: Model) -> Diagnosis:
-    """Search from a model as long as the settings allow, and say so where that was an end."""
-    effort = engine.settings.effort_for(sum(map(len, engine.train_records)))
-    with counted_by(effort):
-        found = engine.run(climb(model, engine.bench))
-    return replace(found, warnings=(*found.warnings, CUT)) if effort.cut else found
+@dataclass(frozen=True)
+class _Search:
+    """Searches from one model, with the same candidates, on whatever data."""
+
+    model: Model
+    bench: Bench
+    candidates: Sequence[Effect]
+    settings: Settings
+    tell: Progress
+    nominal: Mapping[str, float]
+
+    def on(self, bench: Bench) -> Diagnosis:
+        """Search as long as the settings allow, and say so where that was an end."""
+        engine = Engine(bench, self.candidates, self.settings, self.tell, self.nominal)
+        effort = self.settings.effort_for(sum(map(len, engine.train_records)))
+        with counted_by(effort):
+            found = engine.run(climb(self.model, bench))
+        return replace(found, warnings=(*found.warnings, CUT)) if effort.cut else found
+
+    def anew(
+        self, train: Sequence[Record], held: Sequence[Record], *, lent: bool = False
+    ) -> Diagnosis:
+        """Search other records of the motor, or half of the held-out ones as well."""
+        known = self.bench
+        other = make_bench(
+            train, held, known.kind, self.model, self.settings.validation_fraction, self.nominal,
+            lent=lent,
+        )  # fmt: skip
+        other = replace(with_scales(other, self.model), threshold=known.threshold)
+        return self.on(replace(other, offered=known.offered))
 
 
 def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:
