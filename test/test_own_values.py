@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.own_values import FINE, in_words
 from motor_sysid.diagnosis.search.bench import prepared
 from motor_sysid.diagnosis.search.by_record import CERTAIN, Differing, differing, INPUT
 from motor_sysid.estimation.batch import make_chain
+from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Provenance, Record
 
@@ -114,10 +115,25 @@ def test_nothing_is_named_for_it():
     assert found.model['k_t'] == pytest.approx(MOTOR['k_t'], rel=0.005)
 
 
-def test_a_payload_is_told_though_no_input_makes_up_for_it():
-    found = diagnose(recorded({}, ({}, {'J': 1.3}, {})), motor='brushed_dc')
+def test_records_with_another_payload_are_left_out():
+    """No input makes up for an inertia: it is measured, and the others are searched."""
+    found = diagnose(recorded(COULOMB, ({}, {'J': 1.3}, {})), motor='brushed_dc')
+    assert (found.verdict, found.effects) == (Verdict.EFFECT_MISSING, ('coulomb_friction',))
+    said = found.reasons[1]
+    assert said.startswith('J (inertia of rotor and load) is not the same in all records')
+    assert 'it is +30 % (95 %: +29 to +31 %) in record 2 and the same within' in said
+    assert found.reasons[2] == 'Searched, and shown, over record 1 and record 3 alone'
+    assert found.model['J'] == pytest.approx(MOTOR['J'], rel=0.005)
+
+
+def test_what_the_catalogue_lacks_is_not_named_for_records_that_were_left_out():
+    """Of a friction that acts in one record only none of the others tells."""
+    records = recorded({})
+    (stiff,) = recorded({'quadratic_drag': {'k_d': 4e-7}})[:1]
+    known = [key for key in catalogue() if key not in ('quadratic_drag', 'coulomb_friction')]
+    found = diagnose([stiff, *records[1:]], motor='brushed_dc', effects=known)
+    assert found.effects == ()
     assert found.verdict is Verdict.UNKNOWN_EFFECT
-    assert found.reasons[1].startswith('J (inertia of rotor and load) is not the same')
 
 
 def test_it_is_said_of_which_record_and_how_surely():
@@ -132,5 +148,7 @@ def test_it_is_said_of_which_record_and_how_surely():
     assert 'against cold.csv (2.1 ohm), it is +8 % (95 %: +7.6 to +8.4 %) in warm.csv' in said
     weak = replace(warm, name=INPUT, factors=np.array([1.0, 0.92]))
     assert 'it is -8 % (95 %: -8.4 to -7.6 %) in warm.csv' in in_words(weak, records)
-    alike = [replace(r, provenance=Provenance('log.csv')) for r in records]
-    assert 'against record 1' in in_words(weak, alike)
+    alike = replace(warm, factors=np.array([1.0, 1.0002]))
+    assert 'it is the same within 0.2 % in warm.csv' in in_words(alike, records)
+    one_file = [replace(r, provenance=Provenance('log.csv')) for r in records]
+    assert 'against record 1' in in_words(weak, one_file)

@@ -1,11 +1,12 @@
-"""Records whose supply or resistance is not the same: what is missing beside that.
+"""Records that are not of one motor and supply: what is missing beside that.
 
 Where a search leaves something unknown, or names what is less certain than that, records are
-brought to a common supply and resistance and searched again.  What is found then counts if it
-leaves nothing unknown.
+brought to a common supply and resistance and searched again; or, where an inertia or a friction
+differs, those of them in which it does not.  What is found then counts if it leaves nothing
+unknown.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -15,9 +16,15 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.by_record import Differing, differing, INPUT
-from motor_sysid.estimation.batch import make_chain, sensors_of
+from motor_sysid.diagnosis.search.bench import Bench, MIN_SAMPLES
+from motor_sysid.diagnosis.search.by_record import (
+    Differing,
+    differing,
+    INPUT,
+    MATTERS,
+    measured_by,
+)
+from motor_sysid.estimation.batch import Chain, make_chain, sensors_of
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -36,6 +43,8 @@ be that of its ends, and differences are found one after the other."""
 NEARER = 0.8
 """Held-out error with an effect that was not named, in units of that without it, up to which what
 differs between records is looked for beside that effect."""
+SAME = 0.01
+"""Relative difference up to which a parameter counts as the same in two records."""
 MUCH = 0.2
 """Share of the squared error from which on a difference is told that the search cannot use."""
 
@@ -45,21 +54,40 @@ Again = Callable[[Sequence[Record], Sequence[Record]], Diagnosis]
 
 @dataclass(frozen=True)
 class Own:
-    """Records brought to a common supply and resistance.
+    """Records brought to a common supply and resistance, without those that differ otherwise.
 
     Attributes
     ----------
     records:
-        The records, with other inputs.
+        The records that are left, by their number, with other inputs.
     differences:
-        By what they differed, one for each name.
-    open:
-        What else differs and is in no input; None if nothing does.
+        By what all of them differed, one for each name.
+    left_out:
+        What differs that no input makes up for, of all records; None if nothing does.
     """
 
-    records: tuple[Record, ...]
+    records: Mapping[int, Record]
     differences: tuple[Differing, ...]
-    open: Differing | None
+    left_out: Differing | None
+
+    @property
+    def told(self) -> tuple[Differing, ...]:
+        """All that is to be said of the records."""
+        return (*self.differences, *([self.left_out] if self.left_out else []))
+
+    def as_told_by(self, model: Model, bench: Bench, records: Sequence[Record]) -> 'Own':
+        """Return the same, with what was left out measured by a model that fits the others."""
+        if self.left_out is None:
+            return self
+        steps = max(bench.substeps, FINE)
+        chains = _chains(records, bench)
+        return replace(
+            self, left_out=measured_by(self.left_out, model, chains, bench.outputs, steps)
+        )
+
+    def among(self, first: int, last: int) -> list[Record]:
+        """Return the records that are left of numbers first to last (exclusive)."""
+        return [record for k, record in self.records.items() if first <= k < last]
 
 
 def with_own_values(
@@ -83,18 +111,20 @@ def with_own_values(
     if len(records) < 2 or found.verdict in (Verdict.COMPLETE, Verdict.INSUFFICIENT_DATA):
         return found
     own = brought_together(_nearest(found), bench, records)
-    told = (*own.differences, *([own.open] if own.open else []))
-    if not told or not _is_asked(found, told):
+    if not own.told or not _is_asked(found, own.told):
         return found
-    if own.differences:
-        tell('records differ in their supply or resistance: looking once more without that')
-        other = again(own.records[: len(train)], own.records[len(train) :])
+    fitted, judged = own.among(0, len(train)), own.among(len(train), len(records))
+    if fitted and sum(map(len, fitted)) >= MIN_SAMPLES:
+        tell('records are not of one motor and supply: looking once more without that')
+        other = again(fitted, judged)
         if not other.unknown and other.verdict is not Verdict.INSUFFICIENT_DATA:
-            return _told(other, own.differences, records)
-    share = max(one.share for one in told)
+            return _told(other, own.as_told_by(other.model, bench, records), records)
+    share = max(one.share for one in own.told)
     if not (found.unknown or found.verdict is Verdict.UNKNOWN_EFFECT) or share < MUCH:
         return found
-    return _with(found, tuple(in_words(one, records) for one in told))
+    verdict, *others = found.reasons
+    words = (in_words(one, records) for one in own.told)
+    return replace(found, reasons=(verdict, *words, *others))
 
 
 def _nearest(found: Diagnosis) -> Model:
@@ -108,26 +138,51 @@ def _nearest(found: Diagnosis) -> Model:
 
 
 def brought_together(model: Model, bench: Bench, records: Sequence[Record]) -> Own:
-    """Return records whose inputs are what they would be with the first one's supply."""
-    now, differences = tuple(records), dict[str, Differing]()
-    sensors = sensors_of(records, bench.kind)
+    """Return records whose inputs are what they would be with the first one's supply.
+
+    Of records that differ by what no input makes up for, the largest part that does not is left.
+    """
+    now, differences = dict(enumerate(records)), dict[str, Differing]()
+    left_out = None
     for _ in range(ROUNDS):
-        chains = [
-            make_chain(r, bench.kind, bench.outputs, horizon=bench.horizon, sensors=sensors)
-            for r in now
-        ]
+        chains = _chains(list(now.values()), bench)
         one = differing(model, chains, bench.outputs, max(bench.substeps, FINE))
         if one is None or not one.matters:
-            return Own(now, tuple(differences.values()), None)
-        changed = _corrected(now, one, bench)
-        if changed is None:
-            return Own(now, tuple(differences.values()), one)
-        now, model = changed, one.model
-        before = differences.get(one.name)
-        if before is not None:
-            one = replace(before, factors=before.factors * one.factors, model=one.model)
-        differences[one.name] = one
-    return Own(now, tuple(differences.values()), None)
+            break
+        changed, model = _corrected(list(now.values()), one, bench), one.model
+        if changed is not None:
+            now = dict(zip(now, changed, strict=True))
+            differences[one.name] = _joined(differences.get(one.name), one)
+        elif left_out is None and not differences:
+            left_out, now = one, _alike(now, one)
+        else:
+            break
+    return Own(now, tuple(differences.values()), left_out)
+
+
+def _chains(records: Sequence[Record], bench: Bench) -> list[Chain]:
+    """Return the whole of each record, cut as the bench's data are."""
+    sensors = sensors_of(records, bench.kind)
+    return [
+        make_chain(r, bench.kind, bench.outputs, horizon=bench.horizon, sensors=sensors)
+        for r in records
+    ]
+
+
+def _joined(before: Differing | None, one: Differing) -> Differing:
+    """Return both steps to a common value as one."""
+    if before is None:
+        return one
+    return replace(before, factors=before.factors * one.factors, model=one.model)
+
+
+def _alike(records: Mapping[int, Record], one: Differing) -> dict[int, Record]:
+    """Return the records, as many rows as there are, in which a parameter is the same."""
+    near = np.abs(one.factors[:, np.newaxis] / one.factors - 1.0) < SAME
+    rows = near @ np.array([len(record) for record in records.values()])
+    together = near[int(np.argmax(rows))]
+    pairs = zip(records.items(), together.tolist(), strict=True)
+    return {k: record for (k, record), kept in pairs if kept}
 
 
 def _corrected(
@@ -174,37 +229,31 @@ def _is_asked(found: Diagnosis, told: Sequence[Differing]) -> bool:
     return max(one.delta_bic for one in told) > weakest
 
 
-def _told(
-    found: Diagnosis, differences: Sequence[Differing], records: Sequence[Record]
-) -> Diagnosis:
+def _told(found: Diagnosis, own: Own, records: Sequence[Record]) -> Diagnosis:
     """Return a diagnosis of records brought together, and say so."""
-    words = tuple(in_words(one, records) for one in differences)
+    words = [in_words(one, records) for one in own.told]
+    names = _names(records)
+    shown = listed(names[k] for k in own.records)
+    how = (f'over {shown} alone',) * (len(own.records) < len(records))
+    how += ('with inputs that make up for that',) * bool(own.differences)
     if found.verdict is not Verdict.COMPLETE:
         verdict, *others = found.reasons
-        rest = 'Searched, and shown, with inputs that make up for that'
-        return replace(found, reasons=(verdict, *words, rest, *others))
+        return replace(
+            found, reasons=(verdict, *words, f'Searched, and shown, {listed(how)}', *others)
+        )
     rest = (
-        'No effect of the catalogue is missing beside that: with inputs that make up for it, as '
-        'shown here, what is left is sensor noise'
+        f'No effect of the catalogue is missing beside that: what is left is sensor noise, '
+        f'{listed(how)}, as shown here'
     )
     reasons = (*words, rest, *found.reasons[1:])
     return replace(found, verdict=Verdict.UNKNOWN_EFFECT, reasons=reasons)
 
 
-def _with(found: Diagnosis, words: tuple[str, ...]) -> Diagnosis:
-    verdict, *others = found.reasons
-    return replace(found, reasons=(verdict, *words, *others))
-
-
 def in_words(one: Differing, records: Sequence[Record]) -> str:
     """Say what differs from record to record, and by how much."""
-    names = _names(records)
-    percent = [100.0 * (factor - 1.0) for factor in one.factors]
-    errors = 196.0 * np.hypot(one.sigmas, NOT_QUITE * (one.factors - 1.0))
-    parts = listed(
-        f'{p:+.2g} % (95 %: {p - e:+.2g} to {p + e:+.2g} %) in {name}'
-        for p, e, name in list(zip(percent, errors, names, strict=True))[1:]
-    )
+    names, off = _names(records), 100.0 * (one.factors - 1.0)
+    errors = 1.96 * np.hypot(100.0 * one.sigmas, NOT_QUITE * off)
+    parts = listed(map(_percent, off[1:].tolist(), errors[1:].tolist(), names[1:]))
     if one.name == INPUT:
         return (
             f'The input is not as strong in all records as was recorded: against {names[0]}, it '
@@ -215,8 +264,14 @@ def in_words(one: Differing, records: Sequence[Record]) -> str:
     return (
         f'{one.name} ({p.description}) is not the same in all records: against {names[0]} '
         f'({with_unit(p.value, p.unit, 3)}), it is {parts}. What warms, wears or is loaded '
-        'otherwise looks like that'
+        'otherwise looks like that, and so does what acts in some records only'
     )
+
+
+def _percent(off: float, error: float, name: str) -> str:
+    if abs(off) < max(100.0 * MATTERS, error):
+        return f'the same within {abs(off) + error:.1g} % in {name}'
+    return f'{off:+.2g} % (95 %: {off - error:+.2g} to {off + error:+.2g} %) in {name}'
 
 
 def _names(records: Sequence[Record]) -> list[str]:

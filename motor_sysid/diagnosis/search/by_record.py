@@ -11,7 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.left_noise import left_noise
-from motor_sysid.estimation.batch import fit_and_slopes, Linearization, Problem, Weighting, white
+from motor_sysid.estimation.batch import (
+    fit,
+    fit_and_slopes,
+    Linearization,
+    Problem,
+    Weighting,
+    white,
+)
 from motor_sysid.estimation.batch.chains import Chain, Stretch
 from motor_sysid.estimation.batch.least_squares import newton_step, normal_equations
 from motor_sysid.physics.model import Model
@@ -114,6 +121,21 @@ def differing(
                 Differing(name, factors, factors * own_sigma, gain, share, result.model)
             )
     return max(found, key=lambda one: one.delta_bic, default=None)
+
+
+def measured_by(
+    one: Differing, model: Model, chains: Sequence[Chain], outputs: Sequence[str], substeps: int
+) -> Differing:
+    """Return a difference as a model tells it that fits: its parameter fitted to each record."""
+    alone = model.with_free([p.name for p in model.parameters.free], free=False)
+    alone = alone.with_free([one.name])
+    found = [fit(Problem(alone, [c], outputs, substeps=substeps)) for c in chains]
+    there = [result.model.parameters[one.name] for result in found]
+    values = np.array([p.value for p in there])
+    errors = np.array([p.sigma if p.sigma is not None else np.inf for p in there])
+    sigmas = np.hypot(errors / values, errors[0] / values[0]) * values / values[0]
+    sigmas[0] = 0.0
+    return replace(one, factors=values / values[0], sigmas=sigmas, model=found[0].model)
 
 
 def _directions(
