@@ -116,11 +116,11 @@ class OnlineIdentifier:
         y = np.array(outputs, dtype=np.float64, order='C').reshape(stamps.size, len(self.outputs))
         u = _arrange(u, self._columns, y)
         seen = y
-        if fresh is not None and not self._estimator.bridges:
+        if self._slow is not None:
+            self._slow.give_speeds(stamps, y, fresh)
+        elif fresh is not None and not self._estimator.bridges:
             seen = np.where(fresh, y, np.nan)
         for k, time in enumerate(stamps.tolist()):
-            if fresh is not None and self._slow is not None:
-                self._slow.give_speed(time, y[k], fresh[k])
             self._take(time, u[k], seen[k], y[k])
 
     def _take(self, time: float, u: Array, seen: Array, y: Array) -> None:
@@ -185,13 +185,18 @@ class _SlowSpeed:
         self._speed, self._position = outputs.index('speed'), outputs.index('position')
         self._slow, self._last = False, (math.nan, math.nan)
 
-    def give_speed(self, time: float, y: Array, fresh: Mask) -> None:
-        """Set the speed among outputs (n_y,), once one was seen that is not measured always."""
-        self._slow = self._slow or not fresh[self._speed]
-        before, place = self._last
-        if self._slow and math.isfinite(y[self._position]) and time > before:
-            y[self._speed] = (y[self._position] - place) / (time - before)
-        self._last = time, y[self._position]
+    def give_speeds(self, times: Array, y: Array, fresh: Mask | None) -> None:
+        """Set the speeds among outputs (K, n_y), once one was seen that is not measured always."""
+        if not self._slow and (fresh is None or fresh[:, self._speed].all()):
+            for time, place in zip(times[-1:].tolist(), y[-1:, self._position], strict=True):
+                self._last = time, float(place)
+            return
+        for k, time in enumerate(times.tolist()):
+            self._slow = self._slow or (fresh is not None and not fresh[k, self._speed])
+            (before, place), now = self._last, float(y[k, self._position])
+            if self._slow and math.isfinite(now) and time > before:
+                y[k, self._speed] = (now - place) / (time - before)
+            self._last = time, now
 
 
 class _DelayLine:
