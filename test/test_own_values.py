@@ -72,7 +72,7 @@ def test_what_differs_is_told_and_by_how_much(effects, name, scales, gains, fact
     found = what_differs(recorded(effects, scales, gains), **effects)
     assert found.name == name
     assert found.matters
-    assert found.delta_bic > 10 * CERTAIN
+    assert found.delta_bic > 2 * CERTAIN
     off = 0.12 * np.abs(np.array(factors) - 1.0)
     assert np.all(np.abs(found.factors - factors) < off + 0.002)
 

@@ -3,10 +3,10 @@
 Where a search leaves something unknown, or names what is less certain than that, records are
 brought to a common supply and resistance and searched again; or, where an inertia or a friction
 differs, those of them in which it does not.  What is found then counts if it leaves nothing
-unknown.
+unknown, and describes the records that were left out with a value of their own.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.search.by_record import (
     MATTERS,
     measured_by,
 )
+from motor_sysid.diagnosis.where.uneven_records import UNEVEN
 from motor_sysid.estimation.batch import Chain, make_chain, sensors_of
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.model import Model
@@ -46,7 +47,7 @@ differs between records is looked for beside that effect."""
 SAME = 0.01
 """Relative difference up to which a parameter counts as the same in two records."""
 MUCH = 0.2
-"""Share of the squared error from which on a difference is told that the search cannot use."""
+"""Share of the squared error that must go with what no input makes up for."""
 
 Again = Callable[[Sequence[Record], Sequence[Record]], Diagnosis]
 """Searches training and validation records."""
@@ -59,35 +60,45 @@ class Own:
     Attributes
     ----------
     records:
-        The records that are left, by their number, with other inputs.
+        All records, with other inputs.
+    kept:
+        Numbers of those that are left.
     differences:
-        By what all of them differed, one for each name.
+        By what they differed, one for each name.
     left_out:
-        What differs that no input makes up for, of all records; None if nothing does.
+        What differs that no input makes up for; None if nothing does.
     """
 
-    records: Mapping[int, Record]
-    differences: tuple[Differing, ...]
-    left_out: Differing | None
+    records: tuple[Record, ...]
+    kept: tuple[int, ...]
+    differences: tuple[Differing, ...] = ()
+    left_out: Differing | None = None
 
     @property
     def told(self) -> tuple[Differing, ...]:
         """All that is to be said of the records."""
         return (*self.differences, *([self.left_out] if self.left_out else []))
 
-    def as_told_by(self, model: Model, bench: Bench, records: Sequence[Record]) -> 'Own':
+    def among(self, first: int, last: int) -> list[Record]:
+        """Return the records that are left of numbers first to last (exclusive)."""
+        return [self.records[k] for k in self.kept if first <= k < last]
+
+    @property
+    def is_all(self) -> bool:
+        """Whether a value of its own is all that records that were left out ask for."""
+        if self.left_out is None:
+            return True
+        out = [k for k in range(len(self.records)) if k not in self.kept]
+        left = self.left_out.left
+        return bool(np.all(left[out] < UNEVEN * np.max(left[list(self.kept)], axis=0)))
+
+    def as_told_by(self, model: Model, bench: Bench) -> 'Own':
         """Return the same, with what was left out measured by a model that fits the others."""
         if self.left_out is None:
             return self
-        steps = max(bench.substeps, FINE)
-        chains = _chains(records, bench)
-        return replace(
-            self, left_out=measured_by(self.left_out, model, chains, bench.outputs, steps)
-        )
-
-    def among(self, first: int, last: int) -> list[Record]:
-        """Return the records that are left of numbers first to last (exclusive)."""
-        return [record for k, record in self.records.items() if first <= k < last]
+        chains, steps = _chains(self.records, bench), max(bench.substeps, FINE)
+        measured = measured_by(self.left_out, model, chains, bench.outputs, steps)
+        return replace(self, left_out=measured)
 
 
 def with_own_values(
@@ -117,8 +128,10 @@ def with_own_values(
     if fitted and sum(map(len, fitted)) >= MIN_SAMPLES:
         tell('records are not of one motor and supply: looking once more without that')
         other = again(fitted, judged)
-        if not other.unknown and other.verdict is not Verdict.INSUFFICIENT_DATA:
-            return _told(other, own.as_told_by(other.model, bench, records), records)
+        measured = own.as_told_by(other.model, bench)
+        enough = other.verdict is not Verdict.INSUFFICIENT_DATA and measured.is_all
+        if enough and not other.unknown:
+            return _told(other, measured)
     share = max(one.share for one in own.told)
     if not (found.unknown or found.verdict is Verdict.UNKNOWN_EFFECT) or share < MUCH:
         return found
@@ -142,22 +155,36 @@ def brought_together(model: Model, bench: Bench, records: Sequence[Record]) -> O
 
     Of records that differ by what no input makes up for, the largest part that does not is left.
     """
-    now, differences = dict(enumerate(records)), dict[str, Differing]()
-    left_out = None
+    own = Own(tuple(records), tuple(range(len(records))))
     for _ in range(ROUNDS):
-        chains = _chains(list(now.values()), bench)
+        chains = _chains(own.among(0, len(records)), bench)
         one = differing(model, chains, bench.outputs, max(bench.substeps, FINE))
         if one is None or not one.matters:
             break
-        changed, model = _corrected(list(now.values()), one, bench), one.model
-        if changed is not None:
-            now = dict(zip(now, changed, strict=True))
-            differences[one.name] = _joined(differences.get(one.name), one)
-        elif left_out is None and not differences:
-            left_out, now = one, _alike(now, one)
-        else:
+        changed, model = _without(own, one, bench), one.model
+        if changed is None:
             break
-    return Own(now, tuple(differences.values()), left_out)
+        own = changed
+    return own
+
+
+def _without(own: Own, one: Differing, bench: Bench) -> Own | None:
+    """Return the records without a difference between those that are left; None if it stays."""
+    those = own.among(0, len(own.records))
+    factors = np.full(len(own.records), np.nan)
+    sigmas = factors.copy()
+    factors[list(own.kept)], sigmas[list(own.kept)] = one.factors, one.sigmas
+    told = replace(one, factors=factors, sigmas=sigmas)
+    changed = _corrected(those, one, bench)
+    if changed is not None:
+        new = dict(zip(own.kept, changed, strict=True))
+        whole = tuple(new.get(k, record) for k, record in enumerate(own.records))
+        return replace(own, records=whole, differences=_joined(own.differences, told))
+    alike = _alike(those, one)
+    if own.left_out is not None or one.share < MUCH or all(alike):
+        return None
+    kept = tuple(k for k, like in zip(own.kept, alike, strict=True) if like)
+    return replace(own, kept=kept, left_out=told)
 
 
 def _chains(records: Sequence[Record], bench: Bench) -> list[Chain]:
@@ -169,20 +196,21 @@ def _chains(records: Sequence[Record], bench: Bench) -> list[Chain]:
     ]
 
 
-def _joined(before: Differing | None, one: Differing) -> Differing:
-    """Return both steps to a common value as one."""
-    if before is None:
-        return one
-    return replace(before, factors=before.factors * one.factors, model=one.model)
+def _joined(before: Sequence[Differing], one: Differing) -> tuple[Differing, ...]:
+    """Return differences with one more, or with a further step of one of them."""
+    old = next((other for other in before if other.name == one.name), None)
+    if old is None:
+        return (*before, one)
+    both = replace(old, factors=old.factors * one.factors, model=one.model)
+    return tuple(both if other is old else other for other in before)
 
 
-def _alike(records: Mapping[int, Record], one: Differing) -> dict[int, Record]:
-    """Return the records, as many rows as there are, in which a parameter is the same."""
+def _alike(records: Sequence[Record], one: Differing) -> list[bool]:
+    """Tell which records a parameter is the same in, as many rows as there are."""
     near = np.abs(one.factors[:, np.newaxis] / one.factors - 1.0) < SAME
-    rows = near @ np.array([len(record) for record in records.values()])
-    together = near[int(np.argmax(rows))]
-    pairs = zip(records.items(), together.tolist(), strict=True)
-    return {k: record for (k, record), kept in pairs if kept}
+    rows = near @ np.array([len(record) for record in records])
+    alike: list[bool] = near[int(np.argmax(rows))].tolist()
+    return alike
 
 
 def _corrected(
@@ -229,12 +257,12 @@ def _is_asked(found: Diagnosis, told: Sequence[Differing]) -> bool:
     return max(one.delta_bic for one in told) > weakest
 
 
-def _told(found: Diagnosis, own: Own, records: Sequence[Record]) -> Diagnosis:
+def _told(found: Diagnosis, own: Own) -> Diagnosis:
     """Return a diagnosis of records brought together, and say so."""
-    words = [in_words(one, records) for one in own.told]
-    names = _names(records)
-    shown = listed(names[k] for k in own.records)
-    how = (f'over {shown} alone',) * (len(own.records) < len(records))
+    words = [in_words(one, own.records) for one in own.told]
+    names = _names(own.records)
+    shown = listed(names[k] for k in own.kept)
+    how = (f'over {shown} alone',) * (len(own.kept) < len(own.records))
     how += ('with inputs that make up for that',) * bool(own.differences)
     if found.verdict is not Verdict.COMPLETE:
         verdict, *others = found.reasons
@@ -253,16 +281,17 @@ def in_words(one: Differing, records: Sequence[Record]) -> str:
     """Say what differs from record to record, and by how much."""
     names, off = _names(records), 100.0 * (one.factors - 1.0)
     errors = 1.96 * np.hypot(100.0 * one.sigmas, NOT_QUITE * off)
-    parts = listed(map(_percent, off[1:].tolist(), errors[1:].tolist(), names[1:]))
+    first, *others = np.flatnonzero(np.isfinite(off)).tolist()
+    parts = listed(_percent(off[k], errors[k], names[k]) for k in others)
     if one.name == INPUT:
         return (
-            f'The input is not as strong in all records as was recorded: against {names[0]}, it '
-            f'is {parts}. A supply that differs from record to record, or from what a duty cycle '
-            'is reckoned with, looks like that'
+            f'The input is not as strong in all records as was recorded: against '
+            f'{names[first]}, it is {parts}. A supply that differs from record to record, or from '
+            'what a duty cycle is reckoned with, looks like that'
         )
     p = one.model.parameters[one.name]
     return (
-        f'{one.name} ({p.description}) is not the same in all records: against {names[0]} '
+        f'{one.name} ({p.description}) is not the same in all records: against {names[first]} '
         f'({with_unit(p.value, p.unit, 3)}), it is {parts}. What warms, wears or is loaded '
         'otherwise looks like that, and so does what acts in some records only'
     )
