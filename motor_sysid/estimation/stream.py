@@ -23,6 +23,7 @@ SECOND = 1_000_000_000
 LEARNED = 50
 """Samples from which the sample time is learned."""
 
+
 class Batch(NamedTuple):
     """Samples: (K,) stamps in ns, (K, n_u) inputs, (K, n_y) outputs and which are fresh."""
 

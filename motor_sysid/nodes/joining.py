@@ -80,7 +80,11 @@ class Joining:
         self._first: tuple[deque[Row], ...] = tuple(deque() for _ in plan.topics)
         self._held = [Role.MEASURED not in _roles(topic) for topic in plan.topics]
         self._angles = Angles(plan.read)
-        self._angles.unwrap(np.zeros((1, len(plan.read))), np.ones(1, dtype=np.bool_))
+        self._compile()
+
+    def _compile(self) -> None:
+        """Compile before the first sample what takes angles."""
+        self._angles.unwrap(np.zeros((1, len(self._plan.read))), np.ones(1, dtype=np.bool_))
 
     def push(self, topic: int, stamp: int, values: Values) -> None:
         """Take one message: its stamp in ns and its values as they were sent."""

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.left_noise import left_noise
+from motor_sysid.diagnosis.where.other_values import slopes_by_input
 from motor_sysid.estimation.batch import (
     fit_and_slopes,
     Linearization,
@@ -18,7 +19,7 @@ from motor_sysid.estimation.batch import (
     Weighting,
     white,
 )
-from motor_sysid.estimation.batch.chains import Chain, Stretch
+from motor_sysid.estimation.batch.chains import Chain
 from motor_sysid.estimation.batch.least_squares import newton_step, normal_equations
 from motor_sysid.physics.model import Model
 
@@ -26,9 +27,6 @@ Array = NDArray[np.float64]
 
 INPUT = 'input'
 """In place of a parameter's name: what all inputs are multiplied by."""
-
-NUDGE = 1e-3
-"""Relative step of the input in its derivative."""
 
 CERTAIN = 600.0
 """Evidence (gain in BIC) from which on records differ: what is missing makes them seem to, a
@@ -50,7 +48,7 @@ class Differing:
         Of the parameter, or `INPUT`.
     factors, sigmas:
         (n,) what it is multiplied by in each record against the first, and the standard error of
-        that.
+        that; NaN for records that were not compared.
     delta_bic:
         Gain in BIC against the same value in all.
     share:
@@ -151,20 +149,11 @@ def _directions(
     problem: Problem, near: Sequence[Linearization]
 ) -> Iterator[tuple[str, list[Array]]]:
     """Yield what may differ, and (N, n_y) derivatives of all stretches by its logarithm."""
-    z = problem.vector()[np.newaxis]
-    louder = [tuple(_louder(stretch) for stretch in chain) for chain in problem.chains]
-    scaled = Problem(problem.model, louder, problem.outputs, substeps=problem.substeps)
-    pairs = zip(problem.simulate(z), scaled.simulate(z), strict=True)
-    yield INPUT, [(b - a)[..., 0] / NUDGE for a, b in pairs]
+    yield INPUT, [slope[..., 0] for slope in slopes_by_input(problem)]
     base = {p.name for p in problem.model.kind.parameters}
     for k, one in enumerate(problem.free):
         if one.name in base and one.logarithmic:
             yield one.name, [part.slope[..., k] for part in near]
-
-
-def _louder(stretch: Stretch) -> Stretch:
-    drive = stretch.drive
-    return replace(stretch, drive=replace(drive, inputs=(1.0 + NUDGE) * drive.inputs))
 
 
 def _by_record(column: Array, record: int, count: int) -> Array:

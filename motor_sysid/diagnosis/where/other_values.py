@@ -129,11 +129,7 @@ def _of_input(
     problem: Problem, near: Sequence[Linearization], weighting: Weighting, now: Comparison
 ) -> tuple[float, float]:
     """Return what the inputs should be multiplied by, and what that takes away alone."""
-    z = problem.vector()[np.newaxis]
-    ran = problem.simulate(z)
-    louder = [tuple(_louder(s) for s in chain) for chain in problem.chains]
-    scaled = Problem(problem.model, louder, problem.outputs, substeps=problem.substeps)
-    slopes = [(b - a) / NUDGE for a, b in zip(ran, scaled.simulate(z), strict=True)]
+    slopes = slopes_by_input(problem)
     along = [replace(one, slope=slope) for one, slope in zip(near, slopes, strict=True)]
     gradient, curvature, _ = normal_equations(along, weighting)
     if not np.all(np.isfinite(curvature)):
@@ -141,6 +137,15 @@ def _of_input(
     _, step = _best_alone(gradient, curvature)
     alone = comparison_of([one.residual - one.slope[..., 0] * step for one in along], problem)
     return 1.0 + step, _less(alone, now)
+
+
+def slopes_by_input(problem: Problem) -> list[Array]:
+    """Return (N, n_y, 1) derivatives of each scored stretch by the logarithm of all inputs."""
+    z = problem.vector()[np.newaxis]
+    louder = [tuple(_louder(s) for s in chain) for chain in problem.chains]
+    scaled = Problem(problem.model, louder, problem.outputs, substeps=problem.substeps)
+    pairs = zip(problem.simulate(z), scaled.simulate(z), strict=True)
+    return [(more - now) / NUDGE for now, more in pairs]
 
 
 def _louder(stretch: Stretch) -> Stretch:
