@@ -3,10 +3,17 @@
 from bench_motor import a_motor, measure, records, voltage_profile
 import numpy as np
 import pytest
+from scipy.signal import savgol_filter
 
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.signals.doctor import examine, seen_by_fits
-from motor_sysid.signals.noisy_input import noisy_inputs_of, with_quiet_inputs
+from motor_sysid.signals.noisy_input import (
+    _in_windows,
+    DEGREE,
+    noisy_inputs_of,
+    WINDOWS,
+    with_quiet_inputs,
+)
 from motor_sysid.signals.record import Record
 
 NOISE = 0.08
@@ -28,6 +35,23 @@ def test_noise_that_does_not_act_is_told_and_taken_out():
         assert np.max(np.abs(quiet['voltage'] - true['voltage'])) < 5 * NOISE
         assert 'smoothed between steps' in str(quiet.provenance)
     assert with_quiet_inputs(clean) == clean
+
+
+@pytest.mark.parametrize('window', WINDOWS)
+def test_all_pieces_at_once_are_smoothed_as_each_by_itself(window):
+    rng = np.random.default_rng(1)
+    values = np.cumsum(rng.normal(size=3000))
+    ends = np.unique(rng.integers(1, 3000, size=90))
+    pieces = np.split(np.arange(values.size), ends)
+    sizes = {piece.size for piece in pieces}
+    assert min(sizes) < 4
+    assert max(sizes) > 105
+    expected = values.copy()
+    for piece in pieces:
+        width = min(window, piece.size - 1 + piece.size % 2)
+        if width > DEGREE + 1:
+            expected[piece] = savgol_filter(values[piece], width, DEGREE)
+    assert np.max(np.abs(_in_windows(values, pieces, window) - expected)) < 1e-9
 
 
 def test_steps_stay_steps():

@@ -8,10 +8,10 @@ that answers to what acts, at once, as it does to the steps of the same voltage.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import savgol_filter
 
 from motor_sysid.signals.noise import noise_sigma
 from motor_sysid.signals.record import Record
@@ -174,11 +174,7 @@ def _smoothed(values: Array, pieces: Sequence[Rows], inside: NDArray[np.bool_]) 
     """
     best = values
     for window in WINDOWS:
-        smooth = values.copy()
-        for piece in pieces:
-            width = min(window, piece.size - 1 + piece.size % 2)
-            if width > DEGREE + 1:
-                smooth[piece] = savgol_filter(values[piece], width, DEGREE)
+        smooth = _in_windows(values, pieces, window)
         noise = _noise(values - smooth, window, inside)
         if window == WINDOWS[0]:
             least = noise
@@ -188,10 +184,38 @@ def _smoothed(values: Array, pieces: Sequence[Rows], inside: NDArray[np.bool_]) 
     return best
 
 
+def _in_windows(values: Array, pieces: Sequence[Rows], window: int) -> Array:
+    """Return (N,) values smoothed in windows within pieces, shorter ones in what there is of them.
+
+    As `scipy.signal.savgol_filter` of each piece, but all those of one width at once.
+    """
+    sizes = np.array([piece.size for piece in pieces])
+    begins = np.cumsum(sizes) - sizes
+    widths = np.minimum(window, sizes - 1 + sizes % 2)
+    smooth, width_at = values.copy(), np.repeat(widths, sizes)
+    for width in np.unique(widths[widths > DEGREE + 1]):
+        fitted, half = _fitted(int(width)), width // 2
+        middle = width_at == width
+        smooth[middle] = np.convolve(values, fitted[half], 'same')[middle]
+        first, last = begins[widths == width], (begins + sizes - width)[widths == width]
+        for begin, side in ((first, slice(half)), (last, slice(half + 1, None))):
+            rows = begin[:, np.newaxis] + np.arange(width)
+            smooth[rows[:, side]] = values[rows] @ fitted[side].T
+    return smooth
+
+
+@cache
+def _fitted(width: int) -> Array:
+    """Return (width, width) what a window's polynomial is at each sample, of each value."""
+    basis = np.vander(np.arange(width) - width // 2, DEGREE + 1).astype(np.float64)
+    orthogonal, _ = np.linalg.qr(basis)
+    fitted: Array = orthogonal @ orthogonal.T
+    return fitted
+
+
 def _noise(left: Array, window: int, inside: NDArray[np.bool_]) -> float:
     """Return the noise that leaves so much of itself outside a window."""
-    kernel = savgol_filter(np.eye(window)[window // 2], window, DEGREE)
-    taken = 1.0 - float(kernel[window // 2])
+    taken = 1.0 - float(_fitted(window)[window // 2, window // 2])
     return float(np.std(left[inside]) / np.sqrt(taken)) if np.any(inside) else 0.0
 
 
