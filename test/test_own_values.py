@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
-from motor_sysid.diagnosis.own_values import FINE, in_words
+from motor_sysid.diagnosis.own_values import FINE
+from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.diagnosis.search.bench import prepared
 from motor_sysid.diagnosis.search.by_record import CERTAIN, Differing, differing, INPUT
+from motor_sysid.diagnosis.verdict.between_records import difference_of
 from motor_sysid.estimation.batch import make_chain
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -111,6 +113,10 @@ def test_nothing_is_named_for_it():
     found = diagnose(recorded({}, SAME, WEAKER), motor='brushed_dc')
     assert (found.verdict, found.effects) == (Verdict.UNKNOWN_EFFECT, ())
     assert found.reasons[0].startswith('The input is not as strong in all records')
+    (told,) = found.differences
+    assert (told.name, told.value, told.words) == (INPUT, 1.0, found.reasons[0])
+    assert [each.factor for each in told.factors] == pytest.approx(WEAKER, rel=0.005)
+    assert all(each.searched for each in told.factors)
     assert 'No effect of the catalogue is missing beside that' in found.reasons[1]
     assert found.model['k_t'] == pytest.approx(MOTOR['k_t'], rel=0.005)
 
@@ -123,6 +129,14 @@ def test_records_with_another_payload_are_left_out():
     assert said.startswith('J (inertia of rotor and load) is not the same in all records')
     assert 'it is +30 % (95 %: +29 to +31 %) in record 2 and the same within' in said
     assert found.reasons[2] == 'Searched, and shown, over record 1 and record 3 alone'
+    (told,) = diagnosis_document(found)['differences']
+    assert (told['name'], told['unit'], told['words']) == ('J', 'kg m^2', said)
+    assert told['value'] == pytest.approx(MOTOR['J'], rel=0.01)
+    first, other, last = told['factors']
+    assert [each['searched'] for each in told['factors']] == [True, False, True]
+    assert (first['factor'], first['low'], first['high']) == (1.0, 1.0, 1.0)
+    assert other['low'] < 1.3 < other['high'] < 1.33
+    assert last['factor'] == pytest.approx(1.0, abs=0.01)
     assert found.model['J'] == pytest.approx(MOTOR['J'], rel=0.005)
 
 
@@ -144,11 +158,11 @@ def test_it_is_said_of_which_record_and_how_surely():
         for r, source in zip(recorded(seconds=1.0), sources, strict=False)
     ]
     warm = Differing('R', np.array([1.0, 1.08]), np.array([0.0, 0.001]), 900.0, 0.5, model)
-    said = in_words(warm, records)
+    said = difference_of(warm, records).words
     assert 'against cold.csv (2.1 ohm), it is +8 % (95 %: +7.6 to +8.4 %) in warm.csv' in said
     weak = replace(warm, name=INPUT, factors=np.array([1.0, 0.92]))
-    assert 'it is -8 % (95 %: -8.4 to -7.6 %) in warm.csv' in in_words(weak, records)
+    assert 'it is -8 % (95 %: -8.4 to -7.6 %) in warm.csv' in difference_of(weak, records).words
     alike = replace(warm, factors=np.array([1.0, 1.0002]))
-    assert 'it is the same within 0.2 % in warm.csv' in in_words(alike, records)
+    assert 'it is the same within 0.2 % in warm.csv' in difference_of(alike, records).words
     one_file = [replace(r, provenance=Provenance('log.csv')) for r in records]
-    assert 'against record 1' in in_words(weak, one_file)
+    assert 'against record 1' in difference_of(weak, one_file).words

@@ -8,12 +8,10 @@ unknown, and describes the records that were left out with a value of their own.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.bench import Bench, MIN_SAMPLES
@@ -21,9 +19,9 @@ from motor_sysid.diagnosis.search.by_record import (
     Differing,
     differing,
     INPUT,
-    MATTERS,
     measured_by,
 )
+from motor_sysid.diagnosis.verdict.between_records import difference_of, names_of
 from motor_sysid.diagnosis.where.uneven_records import UNEVEN
 from motor_sysid.estimation.batch import Chain, make_chain, sensors_of
 from motor_sysid.physics.drive import input_signals
@@ -38,9 +36,6 @@ ROUNDS = 6
 FINE = 4
 """Integration steps per sample, at least: in coarse ones a narrow sign looks like another
 inductance wherever the motor moves otherwise."""
-NOT_QUITE = 0.02
-"""Standard error of a difference as a share of it, at least: the mean current of a row is taken to
-be that of its ends, and differences are found one after the other."""
 NEARER = 0.8
 """Held-out error with an effect that was not named, in units of that without it, up to which what
 differs between records is looked for beside that effect."""
@@ -136,8 +131,9 @@ def with_own_values(
     if not (found.unknown or found.verdict is Verdict.UNKNOWN_EFFECT) or share < MUCH:
         return found
     verdict, *others = found.reasons
-    words = (in_words(one, records) for one in own.told)
-    return replace(found, reasons=(verdict, *words, *others))
+    differences = tuple(difference_of(one, records) for one in own.told)
+    words = (one.words for one in differences)
+    return replace(found, reasons=(verdict, *words, *others), differences=differences)
 
 
 def _nearest(found: Diagnosis) -> Model:
@@ -259,8 +255,10 @@ def _is_asked(found: Diagnosis, told: Sequence[Differing]) -> bool:
 
 def _told(found: Diagnosis, own: Own) -> Diagnosis:
     """Return a diagnosis of records brought together, and say so."""
-    words = [in_words(one, own.records) for one in own.told]
-    names = _names(own.records)
+    differences = tuple(difference_of(one, own.records, own.kept) for one in own.told)
+    words = [one.words for one in differences]
+    found = replace(found, differences=differences)
+    names = names_of(own.records)
     shown = listed(names[k] for k in own.kept)
     how = (f'over {shown} alone',) * (len(own.kept) < len(own.records))
     how += ('with inputs that make up for that',) * bool(own.differences)
@@ -275,36 +273,3 @@ def _told(found: Diagnosis, own: Own) -> Diagnosis:
     )
     reasons = (*words, rest, *found.reasons[1:])
     return replace(found, verdict=Verdict.UNKNOWN_EFFECT, reasons=reasons)
-
-
-def in_words(one: Differing, records: Sequence[Record]) -> str:
-    """Say what differs from record to record, and by how much."""
-    names, off = _names(records), 100.0 * (one.factors - 1.0)
-    errors = 1.96 * np.hypot(100.0 * one.sigmas, NOT_QUITE * off)
-    first, *others = np.flatnonzero(np.isfinite(off)).tolist()
-    parts = listed(_percent(off[k], errors[k], names[k]) for k in others)
-    if one.name == INPUT:
-        return (
-            f'The input is not as strong in all records as was recorded: against '
-            f'{names[first]}, it is {parts}. A supply that differs from record to record, or from '
-            'what a duty cycle is reckoned with, looks like that'
-        )
-    p = one.model.parameters[one.name]
-    return (
-        f'{one.name} ({p.description}) is not the same in all records: against {names[first]} '
-        f'({with_unit(p.value, p.unit, 3)}), it is {parts}. What warms, wears or is loaded '
-        'otherwise looks like that, and so does what acts in some records only'
-    )
-
-
-def _percent(off: float, error: float, name: str) -> str:
-    if abs(off) < max(100.0 * MATTERS, error):
-        return f'the same within {abs(off) + error:.1g} % in {name}'
-    return f'{off:+.2g} % (95 %: {off - error:+.2g} to {off + error:+.2g} %) in {name}'
-
-
-def _names(records: Sequence[Record]) -> list[str]:
-    sources = [record.provenance.source for record in records]
-    if all(sources) and all(a != b for a, b in pairwise(sorted(sources))):
-        return sources
-    return [f'record {k + 1}' for k in range(len(records))]

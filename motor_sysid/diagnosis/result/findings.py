@@ -1,4 +1,4 @@
-"""What a diagnosis finds beside its verdict: unknowns, evidence, blind spots, rivalries."""
+"""What a diagnosis finds beside its verdict: unknowns, evidence, blind spots, differences."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -179,4 +179,50 @@ class Rivalry:
     rival: str
     overlap: float
     regime: str
+    words: str
+
+
+@dataclass(frozen=True)
+class InRecord:
+    """How much larger something is in one record than in the first that was compared.
+
+    Attributes
+    ----------
+    record:
+        Source of the record, or ``record 2`` where sources do not tell.
+    factor, low, high:
+        Against the first record, with the ends of the 95 % interval; NaN where the record was not
+        compared.
+    searched:
+        Whether the record was searched for effects in the end.
+    """
+
+    record: str
+    factor: float
+    low: float
+    high: float
+    searched: bool
+
+
+@dataclass(frozen=True)
+class Difference:
+    """What is not the same in all records.
+
+    Attributes
+    ----------
+    name, description, unit:
+        Base parameter; or ``input``, for what all inputs are multiplied by.
+    value:
+        In the first record that was compared; 1 for the input.
+    factors:
+        For every record, training records first.
+    words:
+        A sentence.
+    """
+
+    name: str
+    description: str
+    unit: str
+    value: float
+    factors: tuple[InRecord, ...]
     words: str

@@ -1,7 +1,7 @@
-"""Curves, maps, evidence and blind spots of a diagnosis as plain values."""
+"""Curves, maps, evidence, blind spots and differences of a diagnosis as plain values."""
 
 from motor_sysid.diagnosis.result.curves import Curve, Map
-from motor_sysid.diagnosis.result.findings import Evidence, Unknown, WrongParameter
+from motor_sysid.diagnosis.result.findings import Difference, Evidence, Unknown, WrongParameter
 from motor_sysid.diagnosis.result.plain import Json, number, numbers
 from motor_sysid.diagnosis.result.result import Diagnosis
 
@@ -32,6 +32,7 @@ def findings_document(diagnosis: Diagnosis) -> dict[str, Json]:
             }
             for one in diagnosis.rivalries
         ],
+        'differences': [_difference(one) for one in diagnosis.differences],
     }
 
 
@@ -124,5 +125,25 @@ def _wrong(one: WrongParameter) -> dict[str, Json]:
         'sigma_before': number(one.sigma_before),
         'sigma_after': number(one.sigma_after),
         'factor': number(one.factor),
+        'words': one.words,
+    }
+
+
+def _difference(one: Difference) -> dict[str, Json]:
+    return {
+        'name': one.name,
+        'description': one.description,
+        'unit': one.unit,
+        'value': number(one.value),
+        'factors': [
+            {
+                'record': each.record,
+                'factor': number(each.factor),
+                'low': number(each.low),
+                'high': number(each.high),
+                'searched': each.searched,
+            }
+            for each in one.factors
+        ],
         'words': one.words,
     }

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.curves import Curve, Map, Where
 from motor_sysid.diagnosis.result.findings import (
     BlindSpot,
+    Difference,
     Evidence,
     Rivalry,
     Unknown,
@@ -147,6 +148,9 @@ class Diagnosis:
         What the excitation does not show.
     rivalries:
         Effects that the data cannot tell apart.
+    differences:
+        What is not the same in all records, where that matters; see
+        `motor_sysid.diagnosis.own_values`.
     calibration:
         What was asked of evidence, and where that figure comes from; None if nobody asked.
     held_alone:
@@ -173,6 +177,7 @@ class Diagnosis:
     wrong_parameters: tuple[WrongParameter, ...] = ()
     blind_spots: tuple[BlindSpot, ...] = ()
     rivalries: tuple[Rivalry, ...] = ()
+    differences: tuple[Difference, ...] = ()
     calibration: Threshold | None = None
     held_alone: float = 1.0
     lent: bool = False
