@@ -1,9 +1,9 @@
-"""Records whose supply, resistance or payload is not the same, and what is missing beside."""
+"""Records whose supply, payload or zero is not the same, and what is missing beside."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
-from bench_motor import measure, MOTOR, voltage_profile
+from bench_motor import CURRENT_OFFSET, measure, MOTOR, voltage_profile
 import numpy as np
 import pytest
 
@@ -11,7 +11,8 @@ from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.own_values import FINE
 from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.diagnosis.search.bench import prepared
-from motor_sysid.diagnosis.search.by_record import CERTAIN, Differing, differing, INPUT
+from motor_sysid.diagnosis.search.by_record import CERTAIN, Differing, differing
+from motor_sysid.diagnosis.search.may_differ import INPUT
 from motor_sysid.diagnosis.verdict.between_records import difference_of
 from motor_sysid.estimation.batch import make_chain
 from motor_sysid.physics.effects import catalogue
@@ -24,6 +25,9 @@ DEAD_TIME = {'inverter_dead_time': {'v_d': 0.5}}
 SAME = ({}, {}, {})
 WARMER = ({}, {'R': 1.08}, {'R': 1.03})
 WEAKER = (1.0, 0.92, 0.97)
+LOADS = tuple({'constant_load_torque': {'tau_l': tau}} for tau in (0.002, -0.001, 0.004))
+RUBBED = tuple({'coulomb_friction': {'tau_c': tau}} for tau in (0.006, 0.009, 0.005))
+ZERO = CURRENT_OFFSET
 
 
 def recorded(
@@ -31,10 +35,12 @@ def recorded(
     scales: Sequence[Mapping[str, float]] = SAME,
     gains: Sequence[float] = (1.0, 1.0, 1.0),
     seconds: float = 8.0,
+    own: Sequence[Mapping[str, Mapping[str, float]]] = SAME,
+    zeros: Sequence[float] = (0.0, 0.0, 0.0),
 ) -> list[Record]:
     """Return a record of each kind of excitation, of a motor that is not the same in each.
 
-    What is recorded is the voltage without its gain.
+    What is recorded is the voltage without its gain, and the current with a zero of its own.
     """
     found = []
     for k, kind in enumerate(('steps', 'triangle', 'sines')):
@@ -42,9 +48,10 @@ def recorded(
         volts = voltage_profile(kind, seconds, rng)
         values = {name: value * scales[k].get(name, 1.0) for name, value in MOTOR.items()}
         model = Model.base('brushed_dc', values)
-        for key, given in (effects or {}).items():
+        for key, given in {**(effects or {}), **own[k]}.items():
             model = model.with_effect(key, given)
-        found.append(measure(model, gains[k] * volts, rng).with_signal('voltage', volts, 'V'))
+        record = measure(model, gains[k] * volts, rng).with_signal('voltage', volts, 'V')
+        found.append(record.shifted('current', zeros[k]))
     return found
 
 
@@ -62,21 +69,42 @@ def what_differs(records: Sequence[Record], **effects: Mapping[str, float]) -> D
 
 @pytest.mark.parametrize('effects', [{}, COULOMB], ids=['complete', 'coulomb'])
 @pytest.mark.parametrize(
-    ('name', 'scales', 'gains', 'factors'),
+    ('name', 'scales', 'gains', 'values'),
     [
         ('R', WARMER, (1.0, 1.0, 1.0), (1.0, 1.08, 1.03)),
         (INPUT, SAME, WEAKER, (1.0, 0.92, 0.97)),
         ('J', ({}, {'J': 1.3}, {}), (1.0, 1.0, 1.0), (1.0, 1.3, 1.0)),
     ],
 )
-def test_what_differs_is_told_and_by_how_much(effects, name, scales, gains, factors):
+def test_what_differs_is_told_and_by_how_much(effects, name, scales, gains, values):
     """One step of Gauss and Newton: within a tenth of the difference."""
     found = what_differs(recorded(effects, scales, gains), **effects)
     assert found.name == name
     assert found.matters
     assert found.delta_bic > 2 * CERTAIN
-    off = 0.12 * np.abs(np.array(factors) - 1.0)
-    assert np.all(np.abs(found.factors - factors) < off + 0.002)
+    off = 0.12 * np.abs(np.array(values) - 1.0)
+    assert np.all(np.abs(found.values / found.values[0] - values) < off + 0.002)
+
+
+@pytest.mark.parametrize(
+    ('name', 'records', 'values'),
+    [
+        ('current_offset', {'zeros': (0.0, -0.04, 0.06)}, np.array([0.0, -0.04, 0.06]) + ZERO),
+        ('constant_load_torque.tau_l', {'own': LOADS}, (0.002, -0.001, 0.004)),
+        ('coulomb_friction.tau_c', {'own': RUBBED}, (0.006, 0.009, 0.005)),
+    ],
+)
+def test_zeros_loads_and_friction_may_differ_too(name, records, values):
+    """A step of Gauss and Newton is right for what adds to a signal; friction sticks."""
+    known = COULOMB if name.startswith('coulomb') else {}
+    found = what_differs(recorded({}, **records), **known)
+    assert (found.name, found.relative) == (name, False)
+    assert found.matters
+    assert found.delta_bic > 2 * CERTAIN
+    near = 0.2 if known else 0.03
+    assert found.values == pytest.approx(np.array(values), rel=near, abs=2e-5)
+    assert found.sigmas[0] == 0.0
+    assert np.all(found.least < 0.1 * np.ptp(values))
 
 
 @pytest.mark.parametrize('effects', [{}, COULOMB, DEAD_TIME], ids=str)
@@ -114,9 +142,9 @@ def test_nothing_is_named_for_it():
     assert (found.verdict, found.effects) == (Verdict.UNKNOWN_EFFECT, ())
     assert found.reasons[0].startswith('The input is not as strong in all records')
     (told,) = found.differences
-    assert (told.name, told.value, told.words) == (INPUT, 1.0, found.reasons[0])
-    assert [each.factor for each in told.factors] == pytest.approx(WEAKER, rel=0.005)
-    assert all(each.searched for each in told.factors)
+    assert (told.name, told.words) == (INPUT, found.reasons[0])
+    assert [each.value for each in told.values] == pytest.approx(WEAKER, rel=0.005)
+    assert all(each.searched for each in told.values)
     assert 'No effect of the catalogue is missing beside that' in found.reasons[1]
     assert found.model['k_t'] == pytest.approx(MOTOR['k_t'], rel=0.005)
 
@@ -131,13 +159,38 @@ def test_records_with_another_payload_are_left_out():
     assert found.reasons[2] == 'Searched, and shown, over record 1 and record 3 alone'
     (told,) = diagnosis_document(found)['differences']
     assert (told['name'], told['unit'], told['words']) == ('J', 'kg m^2', said)
-    assert told['value'] == pytest.approx(MOTOR['J'], rel=0.01)
-    first, other, last = told['factors']
-    assert [each['searched'] for each in told['factors']] == [True, False, True]
-    assert (first['factor'], first['low'], first['high']) == (1.0, 1.0, 1.0)
-    assert other['low'] < 1.3 < other['high'] < 1.33
-    assert last['factor'] == pytest.approx(1.0, abs=0.01)
+    first, other, last = told['values']
+    assert [each['searched'] for each in told['values']] == [True, False, True]
+    assert first['value'] == first['low'] == first['high'] == pytest.approx(MOTOR['J'], rel=0.01)
+    assert other['low'] < 1.3 * first['value'] < other['high'] < 1.33 * first['value']
+    assert last['value'] == pytest.approx(MOTOR['J'], rel=0.01)
     assert found.model['J'] == pytest.approx(MOTOR['J'], rel=0.005)
+
+
+def test_a_current_sensor_may_be_set_to_zero_anew_for_each_record():
+    found = diagnose(recorded(COULOMB, zeros=(0.0, -0.04, 0.06)), motor='brushed_dc')
+    assert (found.verdict, found.effects) == (Verdict.EFFECT_MISSING, ('coulomb_friction',))
+    assert not found.unknown
+    said = found.reasons[1]
+    assert said.startswith('current_offset (offset of the current sensor) is not the same in all')
+    assert said.endswith('A sensor that is set to zero anew for each record looks like that')
+    assert 'with signals that make up for that' in found.reasons[2]
+    assert found.model['current_offset'] == pytest.approx(ZERO, abs=5e-4)
+    (told,) = found.differences
+    off = [each.value - told.values[0].value for each in told.values]
+    assert off == pytest.approx([0.0, -0.04, 0.06], abs=5e-4)
+
+
+def test_a_friction_may_be_another_in_each_record():
+    """Of what is left the largest part is alike: one record, which is searched alone."""
+    found = diagnose(recorded({}, own=RUBBED), motor='brushed_dc')
+    assert (found.verdict, found.effects) == (Verdict.EFFECT_MISSING, ('coulomb_friction',))
+    (told,) = found.differences
+    assert told.words.startswith('coulomb_friction.tau_c (Coulomb torque) is not the same in all')
+    assert '9.0' in told.words
+    assert sum(each.searched for each in told.values) == 1
+    for each, true in zip(told.values, (0.006, 0.009, 0.005), strict=True):
+        assert each.value == pytest.approx(true, rel=0.01)
 
 
 def test_what_the_catalogue_lacks_is_not_named_for_records_that_were_left_out():
@@ -157,12 +210,13 @@ def test_it_is_said_of_which_record_and_how_surely():
         replace(r, provenance=Provenance(source))
         for r, source in zip(recorded(seconds=1.0), sources, strict=False)
     ]
-    warm = Differing('R', np.array([1.0, 1.08]), np.array([0.0, 0.001]), 900.0, 0.5, model)
+    values, sigmas = np.array([2.1, 2.268]), np.array([0.0, 0.0021])
+    warm = Differing('R', values, sigmas, True, 0.01, 900.0, 0.5, model)
     said = difference_of(warm, records).words
     assert 'against cold.csv (2.1 ohm), it is +8 % (95 %: +7.6 to +8.4 %) in warm.csv' in said
-    weak = replace(warm, name=INPUT, factors=np.array([1.0, 0.92]))
+    weak = replace(warm, name=INPUT, values=np.array([1.0, 0.92]), sigmas=sigmas / 2.1)
     assert 'it is -8 % (95 %: -8.4 to -7.6 %) in warm.csv' in difference_of(weak, records).words
-    alike = replace(warm, factors=np.array([1.0, 1.0002]))
+    alike = replace(warm, values=np.array([2.1, 2.1004]))
     assert 'it is the same within 0.2 % in warm.csv' in difference_of(alike, records).words
     one_file = [replace(r, provenance=Provenance('log.csv')) for r in records]
     assert 'against record 1' in difference_of(weak, one_file).words

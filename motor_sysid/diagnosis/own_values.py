@@ -1,9 +1,10 @@
 """Records that are not of one motor and supply: what is missing beside that.
 
 Where a search leaves something unknown, or names what is less certain than that, records are
-brought to a common supply and resistance and searched again; or, where an inertia or a friction
-differs, those of them in which it does not.  What is found then counts if it leaves nothing
-unknown, and describes the records that were left out with a value of their own.
+brought to a common supply, resistance and zero of the sensors, and searched again; or, where an
+inertia, a load or a friction differs, those of them in which it does not.  What is found then
+counts if it leaves nothing unknown, and describes the records that were left out with a value of
+their own.
 """
 
 from collections.abc import Callable, Sequence
@@ -13,14 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.names import listed
-from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.diagnosis.result.result import Candidate, Diagnosis, Step, Verdict
 from motor_sysid.diagnosis.search.bench import Bench, MIN_SAMPLES
-from motor_sysid.diagnosis.search.by_record import (
-    Differing,
-    differing,
-    INPUT,
-    measured_by,
-)
+from motor_sysid.diagnosis.search.by_record import Differing, differing, measured_by
+from motor_sysid.diagnosis.search.may_differ import INPUT, shown_by
 from motor_sysid.diagnosis.verdict.between_records import difference_of, names_of
 from motor_sysid.diagnosis.where.uneven_records import UNEVEN
 from motor_sysid.estimation.batch import Chain, make_chain, sensors_of
@@ -32,17 +29,18 @@ Array = NDArray[np.float64]
 
 RESISTANCE = 'R'
 ROUNDS = 6
-"""Most steps to a common supply and resistance."""
+"""Most steps to a common supply, resistance and zero."""
 FINE = 4
 """Integration steps per sample, at least: in coarse ones a narrow sign looks like another
 inductance wherever the motor moves otherwise."""
 NEARER = 0.8
-"""Held-out error with an effect that was not named, in units of that without it, up to which what
-differs between records is looked for beside that effect."""
-SAME = 0.01
-"""Relative difference up to which a parameter counts as the same in two records."""
+"""Errors with an effect that was not named, in units of those without it, up to which what differs
+between records is looked for beside that effect."""
+SAME = 2.0
+"""Difference up to which a value counts as the same in two records, in units of that which is
+worth telling."""
 MUCH = 0.2
-"""Share of the squared error that must go with what no input makes up for."""
+"""Share of the squared error that must go with what nothing makes up for."""
 
 Again = Callable[[Sequence[Record], Sequence[Record]], Diagnosis]
 """Searches training and validation records."""
@@ -50,18 +48,18 @@ Again = Callable[[Sequence[Record], Sequence[Record]], Diagnosis]
 
 @dataclass(frozen=True)
 class Own:
-    """Records brought to a common supply and resistance, without those that differ otherwise.
+    """Records brought to a common supply and zero, without those that differ otherwise.
 
     Attributes
     ----------
     records:
-        All records, with other inputs.
+        All records, with other inputs and outputs.
     kept:
         Numbers of those that are left.
     differences:
         By what they differed, one for each name.
     left_out:
-        What differs that no input makes up for; None if nothing does.
+        What differs that nothing of that makes up for; None if nothing does.
     """
 
     records: tuple[Record, ...]
@@ -92,7 +90,9 @@ class Own:
         if self.left_out is None:
             return self
         chains, steps = _chains(self.records, bench), max(bench.substeps, FINE)
-        measured = measured_by(self.left_out, model, chains, bench.outputs, steps)
+        measured = measured_by(
+            self.left_out, model, chains, bench.outputs, steps, bench.scales
+        )
         return replace(self, left_out=measured)
 
 
@@ -139,22 +139,32 @@ def with_own_values(
 def _nearest(found: Diagnosis) -> Model:
     """Return the model that is nearest to the data: that of an effect not named, if that is."""
     last = found.steps[-1]
-    some = [one for one in last.candidates if one.model and one.validation_error_percent > 0]
-    best = min(some, key=lambda one: one.validation_error_percent, default=None)
-    if best is None or best.validation_error_percent > NEARER * last.validation_error_percent:
+    some = [one for one in last.candidates if one.model and _errors(one) > 0]
+    best = min(some, key=_errors, default=None)
+    if best is None or _errors(best) > NEARER * _errors(last):
         return found.model
     return best.model or found.model
 
 
-def brought_together(model: Model, bench: Bench, records: Sequence[Record]) -> Own:
-    """Return records whose inputs are what they would be with the first one's supply.
+def _errors(one: Step | Candidate) -> float:
+    """Return the product of the errors over training and held-out data.
 
-    Of records that differ by what no input makes up for, the largest part that does not is left.
+    Where records differ the held-out ones alone may refuse what is missing in all of them.
+    """
+    return one.train_error_percent * one.validation_error_percent
+
+
+def brought_together(model: Model, bench: Bench, records: Sequence[Record]) -> Own:
+    """Return records whose signals are what they would be with the first one's supply and zeros.
+
+    Of records that differ by what nothing makes up for, the largest part that does not is left.
     """
     own = Own(tuple(records), tuple(range(len(records))))
     for _ in range(ROUNDS):
         chains = _chains(own.among(0, len(records)), bench)
-        one = differing(model, chains, bench.outputs, max(bench.substeps, FINE))
+        one = differing(
+            model, chains, bench.outputs, max(bench.substeps, FINE), bench.scales
+        )
         if one is None or not one.matters:
             break
         changed, model = _without(own, one, bench), one.model
@@ -167,10 +177,10 @@ def brought_together(model: Model, bench: Bench, records: Sequence[Record]) -> O
 def _without(own: Own, one: Differing, bench: Bench) -> Own | None:
     """Return the records without a difference between those that are left; None if it stays."""
     those = own.among(0, len(own.records))
-    factors = np.full(len(own.records), np.nan)
-    sigmas = factors.copy()
-    factors[list(own.kept)], sigmas[list(own.kept)] = one.factors, one.sigmas
-    told = replace(one, factors=factors, sigmas=sigmas)
+    values = np.full(len(own.records), np.nan)
+    sigmas = values.copy()
+    values[list(own.kept)], sigmas[list(own.kept)] = one.values, one.sigmas
+    told = replace(one, values=values, sigmas=sigmas)
     changed = _corrected(those, one, bench)
     if changed is not None:
         new = dict(zip(own.kept, changed, strict=True))
@@ -197,13 +207,15 @@ def _joined(before: Sequence[Differing], one: Differing) -> tuple[Differing, ...
     old = next((other for other in before if other.name == one.name), None)
     if old is None:
         return (*before, one)
-    both = replace(old, factors=old.factors * one.factors, model=one.model)
-    return tuple(both if other is old else other for other in before)
+    further, first = one.values, one.values[0]
+    both = old.values * (further / first) if one.relative else old.values + (further - first)
+    joined = replace(old, values=both, model=one.model)
+    return tuple(joined if other is old else other for other in before)
 
 
 def _alike(records: Sequence[Record], one: Differing) -> list[bool]:
     """Tell which records a parameter is the same in, as many rows as there are."""
-    near = np.abs(one.factors[:, np.newaxis] / one.factors - 1.0) < SAME
+    near = np.abs(one.values[:, np.newaxis] - one.values) < SAME * one.least
     rows = near @ np.array([len(record) for record in records])
     alike: list[bool] = near[int(np.argmax(rows))].tolist()
     return alike
@@ -212,14 +224,19 @@ def _alike(records: Sequence[Record], one: Differing) -> list[bool]:
 def _corrected(
     records: Sequence[Record], one: Differing, bench: Bench
 ) -> tuple[Record, ...] | None:
-    """Return records with inputs that make up for a difference; None if no inputs can."""
-    factors = one.factors.tolist()
-    pairs = list(zip(records, factors, strict=True))
+    """Return records whose inputs or sensors make up for a difference; None if none can."""
+    signal = shown_by(one.name, bench.kind)
+    if signal and all(signal in record for record in records):
+        off = (one.values - one.values[0]).tolist()
+        return tuple(r.shifted(signal, -by) for r, by in zip(records, off, strict=True))
+    if not one.relative:
+        return None
+    pairs = list(zip(records, (one.values / one.values[0]).tolist(), strict=True))
     if one.name == INPUT:
         return tuple(_scaled(r, input_signals(r, bench.kind), factor) for r, factor in pairs)
     if one.name != RESISTANCE or not all(_currents(r, bench) for r in records):
         return None
-    resistance = one.model[RESISTANCE]
+    resistance = one.values[0]
     return tuple(_without_drop(r, bench, resistance * (factor - 1.0)) for r, factor in pairs)
 
 
@@ -261,7 +278,7 @@ def _told(found: Diagnosis, own: Own) -> Diagnosis:
     names = names_of(own.records)
     shown = listed(names[k] for k in own.kept)
     how = (f'over {shown} alone',) * (len(own.kept) < len(own.records))
-    how += ('with inputs that make up for that',) * bool(own.differences)
+    how += ('with signals that make up for that',) * bool(own.differences)
     if found.verdict is not Verdict.COMPLETE:
         verdict, *others = found.reasons
         return replace(

@@ -197,6 +197,15 @@ class Record:
             samples={other: own for other, own in self.samples.items() if other != name},
         )
 
+    def shifted(self, name: str, by: float) -> 'Record':
+        """Return a record with so much added to a signal, its own samples with it."""
+        new = self.with_signal(name, self[name] + by, self.units[name])
+        own = {
+            other: Samples(one.time, one.values + by) if other == name else one
+            for other, one in self.samples.items()
+        }
+        return replace(new, steps=self.steps, samples=own)
+
     def step_of(self, name: str) -> float:
         """Return the step of a signal as it was recorded, in its unit; 0 if it has none."""
         found = lattice(self[name])

@@ -184,21 +184,21 @@ class Rivalry:
 
 @dataclass(frozen=True)
 class InRecord:
-    """How much larger something is in one record than in the first that was compared.
+    """What has a value of its own in one record.
 
     Attributes
     ----------
     record:
         Source of the record, or ``record 2`` where sources do not tell.
-    factor, low, high:
-        Against the first record, with the ends of the 95 % interval; NaN where the record was not
-        compared.
+    value, low, high:
+        Its value there, with the ends of the 95 % interval against the first record that was
+        compared; NaN where the record was not.
     searched:
         Whether the record was searched for effects in the end.
     """
 
     record: str
-    factor: float
+    value: float
     low: float
     high: float
     searched: bool
@@ -211,10 +211,9 @@ class Difference:
     Attributes
     ----------
     name, description, unit:
-        Base parameter; or ``input``, for what all inputs are multiplied by.
-    value:
-        In the first record that was compared; 1 for the input.
-    factors:
+        Parameter; or ``input``, for what all inputs are multiplied by, which is 1 in the first
+        record that was compared.
+    values:
         For every record, training records first.
     words:
         A sentence.
@@ -223,6 +222,5 @@ class Difference:
     name: str
     description: str
     unit: str
-    value: float
-    factors: tuple[InRecord, ...]
+    values: tuple[InRecord, ...]
     words: str

@@ -134,16 +134,15 @@ def _difference(one: Difference) -> dict[str, Json]:
         'name': one.name,
         'description': one.description,
         'unit': one.unit,
-        'value': number(one.value),
-        'factors': [
+        'values': [
             {
                 'record': each.record,
-                'factor': number(each.factor),
+                'value': number(each.value),
                 'low': number(each.low),
                 'high': number(each.high),
                 'searched': each.searched,
             }
-            for each in one.factors
+            for each in one.values
         ],
         'words': one.words,
     }

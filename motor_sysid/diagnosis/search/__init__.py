@@ -8,5 +8,5 @@ does as well); `further` (what is tried where nothing helps), `rounds`; what a c
 effects misses: `step_ahead`, `pairs`, `exchange`; `prune`; how exact a fit is: `edges`,
 `delay_profile`, `valleys`, `standard_errors`, `feedback` (of a controller), `pits`, `strides`,
 `delay_walk`, `integration_steps`; what is done to a finished ladder: `needless`, `polish`,
-`retelling`; and what is not the same in all records: `by_record`.
+`retelling`; and what is not the same in all records: `may_differ`, `by_record`.
 """
