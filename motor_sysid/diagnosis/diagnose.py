@@ -65,8 +65,8 @@ def diagnose(
         Records; without validation records the last part of each training record is held back.
         Where only held-out data show what is missing, half of them are fitted as well; records
         whose supply, resistance or zero of a sensor differs are brought to the first one's, and
-        those that differ otherwise are left out, if that explains what is left.  The diagnosis says so, and holds
-        the records as they were searched.
+        those that differ otherwise are left out, if that explains what is left.  The diagnosis
+        says so, and holds the records as they were searched.
     motor:
         Motor kind; by default the richest that the signals allow.
     model:
