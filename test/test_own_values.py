@@ -218,5 +218,14 @@ def test_it_is_said_of_which_record_and_how_surely():
     assert 'it is -8 % (95 %: -8.4 to -7.6 %) in warm.csv' in difference_of(weak, records).words
     alike = replace(warm, values=np.array([2.1, 2.1004]))
     assert 'it is the same within 0.2 % in warm.csv' in difference_of(alike, records).words
+    load = replace(
+        warm, name='constant_load_torque.tau_l', relative=False, least=1e-4,
+        values=np.array([1e-6, 4e-3]), sigmas=np.array([0.0, 5e-5]),
+    )  # fmt: skip
+    said = difference_of(load, records).words
+    assert 'it is next to nothing in cold.csv, 4 mN m (95 %: 3.82 mN m to 4.18 mN m) in w' in said
+    loaded = replace(load, values=np.array([4e-3, 4.02e-3]), sigmas=np.array([0.0, 2e-5]))
+    said = difference_of(loaded, records).words
+    assert 'it is 4 mN m in cold.csv, the same within 59 µN m in warm.csv' in said
     one_file = [replace(r, provenance=Provenance('log.csv')) for r in records]
     assert 'against record 1' in difference_of(weak, one_file).words

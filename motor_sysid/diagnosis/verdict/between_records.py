@@ -52,8 +52,8 @@ def difference_of(
         parts = listed(_percent(each, first) for each in others)
         found = f'against {first.record} ({with_unit(first.value, p.unit, 3)}), it is {parts}'
     else:
-        parts = listed(_amount(each, p.unit) for each in others)
-        found = f'it is {with_unit(first.value, p.unit, 3)} in {first.record}, {parts}'
+        parts = listed(_amount(each, first, p.unit, one.least) for each in others)
+        found = f'it is {_size(first.value, p.unit, one.least)} in {first.record}, {parts}'
     sensor = shown_by(one.name, one.model.kind)
     why = (
         'A sensor that is set to zero anew for each record looks like that' if sensor
@@ -71,9 +71,16 @@ def _percent(one: InRecord, first: InRecord) -> str:
     return f'{off:+.2g} % (95 %: {low:+.2g} to {high:+.2g} %) in {one.record}'
 
 
-def _amount(one: InRecord, unit: str) -> str:
+def _amount(one: InRecord, first: InRecord, unit: str, least: float) -> str:
+    off, half = abs(one.value - first.value), one.high - one.value
+    if off < max(least, half):
+        return f'the same within {with_unit(off + half, unit, 2)} in {one.record}'
     low, high = with_unit(one.low, unit, 3), with_unit(one.high, unit, 3)
-    return f'{with_unit(one.value, unit, 3)} (95 %: {low} to {high}) in {one.record}'
+    return f'{_size(one.value, unit, least)} (95 %: {low} to {high}) in {one.record}'
+
+
+def _size(value: float, unit: str, least: float) -> str:
+    return 'next to nothing' if abs(value) < least else with_unit(value, unit, 3)
 
 
 def names_of(records: Sequence[Record]) -> list[str]:
