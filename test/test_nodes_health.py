@@ -76,6 +76,14 @@ def test_stamps_that_differ_are_none_of_a_fault() -> None:
     assert intake.status.values['clock'] == 'motor/voltage'
 
 
+def test_how_rows_are_made_is_told_when_it_is_known() -> None:
+    intake = Intake()
+    intake.take(range(2))
+    assert intake.status.values['clock'] == 'not known yet'
+    intake.take(range(2, 100))
+    assert intake.status.values['clock'] == 'equal stamps'
+
+
 def test_a_loss_is_over_when_it_is_over() -> None:
     intake = Intake()
     intake.take(range(100))

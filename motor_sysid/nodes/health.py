@@ -119,7 +119,7 @@ class Health:
             'out_of_order': counts.out_of_order,
             'overflow': counts.overflow,
             'restarts': counts.restarts,
-            'clock': self._pipeline.join.clock or 'equal stamps',
+            'clock': self._pipeline.join.told,
             'not_finite': self._pipeline.not_finite,
             'overrun': self._pipeline.overrun,
             'backlog': self._pipeline.collect(),

@@ -86,6 +86,13 @@ class Joining:
         """Compile before the first sample what takes angles."""
         self._angles.unwrap(np.zeros((1, len(self._plan.read))), np.ones(1, dtype=np.bool_))
 
+    @property
+    def told(self) -> str:
+        """What the rows' stamps are, in words: those of a topic, equal ones, or not known yet."""
+        if self._join is None:
+            return 'not known yet'
+        return self.clock or 'equal stamps'
+
     def push(self, topic: int, stamp: int, values: Values) -> None:
         """Take one message: its stamp in ns and its values as they were sent."""
         if self._join is not None:
