@@ -1,12 +1,19 @@
 """Diagnoses of other machines and of other records, for the page to cope with."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from fake_diagnosis import build_diagnosis
 import numpy as np
 
 from motor_sysid.diagnosis.result.curves import ChannelError, Curve, Map
-from motor_sysid.diagnosis.result.findings import AxisShare, BlindSpot, Unknown
+from motor_sysid.diagnosis.result.findings import (
+    AxisShare,
+    BlindSpot,
+    Difference,
+    InRecord,
+    Unknown,
+)
 from motor_sysid.diagnosis.result.result import Diagnosis, Step, Verdict
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Provenance, Record
@@ -39,7 +46,19 @@ def several_records() -> Diagnosis:
         verdict=Verdict.UNKNOWN_EFFECT, effects=(),
         reasons=('The residual repeats every 0.8 s, and no effect of the catalogue does that.',),
         experiment={'what': 'hold 20 rad/s for 30 s', 'why': 'to see whether it is periodic'},
+        differences=(of_the_load(sources),),
     )  # fmt: skip
+
+
+def of_the_load(sources: Sequence[str]) -> Difference:
+    """Return a load that is another in the second record, which was not searched."""
+    values = (
+        InRecord(sources[0], 1e-3, 1e-3, 1e-3, True),
+        InRecord(sources[1], 4e-3, 3.9e-3, 4.1e-3, False),
+        InRecord(sources[2], 1.1e-3, 0.9e-3, 1.3e-3, True),
+    )
+    words = 'constant_load_torque.tau_l (load torque) is not the same in all records'
+    return Difference('constant_load_torque.tau_l', 'load torque', 'N m', values, words)
 
 
 def linear_axis() -> Diagnosis:

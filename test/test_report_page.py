@@ -373,6 +373,33 @@ def test_other_machines_and_odd_records_are_shown_too(
     watched.context.close()
 
 
+@pytest.mark.parametrize('width', [1600, 320])
+def test_what_differs_between_records_is_drawn(
+    chromium: 'Browser', tmp_path: Path, width: int
+) -> None:
+    path = write_report(fake_variants.several_records(), tmp_path / 'several.html')
+    watched = Watched(chromium, path, viewport={'width': width, 'height': 800})
+    title = 'The records are not of one motor and supply; nothing else is missing.'
+    assert title in watched.text('#headline')
+    box = watched.page.locator('#differences')
+    caption = box.locator('figcaption').inner_text()
+    assert caption.startswith('Load torque constant_load_torque.τ_l is not the same in all')
+    assert 'hollow: left out of the search' in caption
+    assert box.locator('circle').count() == 3
+    assert box.locator('circle.hollow').count() == 1
+    assert box.locator('text').all_text_contents() == [
+        'train_1.csv', '1.00 mN·m', 'train_2.csv', '4.00 mN·m', 'valid.csv', '1.10 mN·m',
+    ]  # fmt: skip
+    at = [float(one.get_attribute('cx')) for one in box.locator('circle').all()]
+    ends = [float(x) for x in box.locator('.whisker').nth(1).evaluate(
+        'e => [e.getAttribute("x1"), e.getAttribute("x2")]')]  # fmt: skip
+    assert ends[0] < at[1] < ends[1]
+    assert at[0] < at[2] < at[1]
+    assert watched.page.evaluate('document.documentElement.scrollWidth') <= width
+    assert watched.trouble == []
+    watched.context.close()
+
+
 @pytest.fixture
 def unknown(chromium: 'Browser', tmp_path: Path) -> Iterator[Watched]:
     """Return the report of something unknown, open; nothing may have gone wrong by the end."""

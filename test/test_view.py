@@ -219,6 +219,21 @@ def test_panels_group_phases_and_put_the_primary_first() -> None:
     assert [c['label'] for c in view['channels'] if c['key'].startswith('voltage')] == list('abc')
 
 
+def test_records_that_differ_are_what_is_told_first() -> None:
+    found = fake_variants.several_records()
+    verdict = build_view(found)['verdict']
+    assert verdict['title'].endswith('not of one motor and supply; nothing else is missing')
+    (one,) = verdict['differences']
+    assert (one['name'], one['unit']) == ('constant_load_torque.tau_l', 'N m')
+    assert [each['value'] for each in one['values']] == [1e-3, 4e-3, 1.1e-3]
+    assert [each['searched'] for each in one['values']] == [True, False, True]
+    more = replace(found, unknown=fake_variants.unknown_shape().unknown)
+    assert build_view(more)['verdict']['title'].endswith('not of one motor and supply')
+    alike = build_view(replace(found, differences=()))['verdict']
+    assert alike['differences'] == []
+    assert alike['title'].startswith('Something is missing')
+
+
 def test_what_is_unknown_and_where_it_fails_reach_the_page() -> None:
     found = fake_variants.unknown_shape()
     view = build_view(found)

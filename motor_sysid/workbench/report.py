@@ -13,7 +13,7 @@ from motor_sysid.workbench.view import build_view
 STYLES = ('uPlot.min.css', 'style.css')
 SCRIPTS = (
     'uPlot.iife.min.js', 'base.js', 'strip.js', 'traces.js', 'pictures.js', 'where.js',
-    'tables.js', 'verdict.js', 'unknown.js', 'app.js',
+    'tables.js', 'verdict.js', 'differences.js', 'unknown.js', 'app.js',
 )  # fmt: skip
 """Assets in the order in which the page needs them."""
 

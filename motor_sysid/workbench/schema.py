@@ -28,6 +28,7 @@ class VerdictView(TypedDict):
     seconds: float | None
     unknown: list['UnknownView']
     blind_spots: list['BlindSpotView']
+    differences: list['DifferenceView']
 
 
 class StretchView(TypedDict):
@@ -175,6 +176,25 @@ class BlindSpotView(TypedDict):
 
     words: str
     remedy: str
+
+
+class InRecordView(TypedDict):
+    """A `motor_sysid.diagnosis.result.findings.InRecord`; plain numbers."""
+
+    record: str
+    value: float | None
+    low: float | None
+    high: float | None
+    searched: bool
+
+
+class DifferenceView(TypedDict):
+    """A `motor_sysid.diagnosis.result.findings.Difference`."""
+
+    name: str
+    description: str
+    unit: str
+    values: list[InRecordView]
 
 
 class WhereView(TypedDict):

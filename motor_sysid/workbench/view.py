@@ -7,7 +7,7 @@ from typing import cast
 
 import numpy as np
 
-from motor_sysid.diagnosis.result.findings import Unknown
+from motor_sysid.diagnosis.result.findings import Difference, Unknown
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
@@ -17,6 +17,7 @@ from motor_sysid.workbench.channels import Channel, Panel, panels_of
 from motor_sysid.workbench.regimes import Bins, Grid, REGIMES
 from motor_sysid.workbench.schema import (
     ChannelView,
+    DifferenceView,
     MapView,
     Named,
     PanelView,
@@ -141,6 +142,25 @@ def _verdict(diagnosis: Diagnosis, titles: dict[str, str]) -> VerdictView:
         'unknown': [_unknown(one) for one in diagnosis.unknown],
         'blind_spots': [
             {'words': one.words, 'remedy': one.remedy} for one in diagnosis.blind_spots
+        ],
+        'differences': [_difference(one) for one in diagnosis.differences],
+    }
+
+
+def _difference(one: Difference) -> DifferenceView:
+    return {
+        'name': one.name,
+        'description': one.description,
+        'unit': one.unit,
+        'values': [
+            {
+                'record': each.record,
+                'value': number(each.value),
+                'low': number(each.low),
+                'high': number(each.high),
+                'searched': each.searched,
+            }
+            for each in one.values
         ],
     }
 

@@ -20,6 +20,8 @@ VERDICTS: Mapping[Verdict, str] = {
     Verdict.INSUFFICIENT_DATA: 'These data are not enough to decide',
 }
 
+UNEVEN = 'The records are not of one motor and supply'
+
 DIGITS = 6
 """Significant digits of a number in the view."""
 
@@ -57,6 +59,8 @@ def verdict_title(diagnosis: Diagnosis, titles: Mapping[str, str]) -> str:
         return f'{VERDICTS[diagnosis.verdict]}: {effects}'
     if diagnosis.verdict is Verdict.AMBIGUOUS and effects:
         return f'Possibly missing: {effects}; another effect fits as well'
+    if diagnosis.verdict is Verdict.UNKNOWN_EFFECT and diagnosis.differences:
+        return UNEVEN if diagnosis.unknown else f'{UNEVEN}; nothing else is missing'
     return VERDICTS[diagnosis.verdict]
 
 

@@ -206,6 +206,7 @@ function listen() {
 /** Draw again what has the width of the page. */
 function drawSized() {
   drawLadder(page.view, page.step, pickByHand);
+  drawDifferences(page.view);
   drawUnknown(page.view);
   page.where.redraw();
   reachScrolled();
@@ -314,6 +315,7 @@ function show(view) {
   $('#drawn').textContent = bucket > 1 ? ` · drawn: extremes of up to ${bucket} samples` : '';
   drawHeadline(view);
   drawBlindSpots(view);
+  drawDifferences(view);
   drawUnknown(view);
   fillControls();
 }
