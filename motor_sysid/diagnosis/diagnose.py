@@ -9,6 +9,7 @@ from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
 from motor_sysid.diagnosis.engine import Engine, Progress
 from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
+from motor_sysid.diagnosis.odd_record import without_odd_record
 from motor_sysid.diagnosis.own_values import with_own_values
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
@@ -65,8 +66,9 @@ def diagnose(
         Records; without validation records the last part of each training record is held back.
         Where only held-out data show what is missing, half of them are fitted as well; records
         whose supply, resistance or zero of a sensor differs are brought to the first one's, and
-        those that differ otherwise are left out, if that explains what is left.  The diagnosis
-        says so, and holds the records as they were searched.
+        those that differ otherwise are left out, if that explains what is left; and so is one
+        that is not like the others.  The diagnosis says so, and holds the records as they were
+        searched.
     motor:
         Motor kind; by default the richest that the signals allow.
     model:
@@ -110,6 +112,7 @@ def diagnose(
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
     search = _Search(model, bench, candidates, settings, tell, nominal or {})
     found = with_own_values(search.on(bench), bench, records, held, search.anew, tell)
+    found = without_odd_record(found, bench, records, held, search.anew, tell)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
         found = better_with_half_lent(found, search.anew(records, held, lent=True))

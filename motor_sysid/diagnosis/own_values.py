@@ -89,7 +89,7 @@ class Own:
         """Return the same, with what was left out measured by a model that fits the others."""
         if self.left_out is None:
             return self
-        chains, steps = _chains(self.records, bench), max(bench.substeps, FINE)
+        chains, steps = whole_chains(self.records, bench), max(bench.substeps, FINE)
         measured = measured_by(
             self.left_out, model, chains, bench.outputs, steps, bench.scales
         )
@@ -116,7 +116,7 @@ def with_own_values(
     records = [*train, *validation]
     if len(records) < 2 or found.verdict in (Verdict.COMPLETE, Verdict.INSUFFICIENT_DATA):
         return found
-    own = brought_together(_nearest(found), bench, records)
+    own = brought_together(nearest(found), bench, records)
     if not own.told or not _is_asked(found, own.told):
         return found
     fitted, judged = own.among(0, len(train)), own.among(len(train), len(records))
@@ -136,7 +136,7 @@ def with_own_values(
     return replace(found, reasons=(verdict, *words, *others), differences=differences)
 
 
-def _nearest(found: Diagnosis) -> Model:
+def nearest(found: Diagnosis) -> Model:
     """Return the model that is nearest to the data: that of an effect not named, if that is."""
     last = found.steps[-1]
     some = [one for one in last.candidates if one.model and _errors(one) > 0]
@@ -161,7 +161,7 @@ def brought_together(model: Model, bench: Bench, records: Sequence[Record]) -> O
     """
     own = Own(tuple(records), tuple(range(len(records))))
     for _ in range(ROUNDS):
-        chains = _chains(own.among(0, len(records)), bench)
+        chains = whole_chains(own.among(0, len(records)), bench)
         one = differing(
             model, chains, bench.outputs, max(bench.substeps, FINE), bench.scales
         )
@@ -193,7 +193,7 @@ def _without(own: Own, one: Differing, bench: Bench) -> Own | None:
     return replace(own, kept=kept, left_out=told)
 
 
-def _chains(records: Sequence[Record], bench: Bench) -> list[Chain]:
+def whole_chains(records: Sequence[Record], bench: Bench) -> list[Chain]:
     """Return the whole of each record, cut as the bench's data are."""
     sensors = sensors_of(records, bench.kind)
     return [
