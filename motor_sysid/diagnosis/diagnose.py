@@ -112,10 +112,10 @@ def diagnose(
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
     search = _Search(model, bench, candidates, settings, tell, nominal or {})
     found = with_own_values(search.on(bench), bench, records, held, search.anew, tell)
-    found = without_odd_record(found, bench, records, held, search.anew, tell)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
         found = better_with_half_lent(found, search.anew(records, held, lent=True))
+    found = without_odd_record(found, bench, records, held, search.anew, tell)
     notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
