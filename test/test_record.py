@@ -1,5 +1,7 @@
 """The record: what it refuses, and that its operations keep their promises."""
 
+from dataclasses import replace
+
 from hypothesis import given
 from hypothesis import strategies as st
 import numpy as np
@@ -7,7 +9,7 @@ import pytest
 
 from motor_sysid.errors import UserError
 from motor_sysid.signals import Record
-from motor_sysid.signals.record import resample
+from motor_sysid.signals.record import resample, Samples
 
 UNITS = {'voltage': 'V', 'speed': 'rad/s', 'hall_sector': '1'}
 
@@ -46,6 +48,18 @@ def test_values_cannot_be_changed_from_outside() -> None:
     assert not record['speed'].any()
     with pytest.raises(ValueError, match='read-only'):
         record['speed'][0] = 1
+
+
+def test_a_shift_takes_what_was_sampled_with_it() -> None:
+    own = Samples(np.array([0.05, 0.55]), np.array([1.0, 2.0]))
+    record = replace(make(), samples={'speed': own}, steps={'speed': 0.25, 'voltage': 1.0})
+    moved = record.shifted('speed', -0.5)
+    assert np.array_equal(moved['speed'], record['speed'] - 0.5)
+    assert np.array_equal(moved['voltage'], record['voltage'])
+    assert np.array_equal(moved.samples['speed'].values, [0.5, 1.5])
+    assert np.array_equal(moved.samples['speed'].time, own.time)
+    assert (moved.step_of('speed'), moved.step_of('voltage')) == (0.25, 1.0)
+    assert moved.units == record.units
 
 
 def test_digest_is_about_content_alone() -> None:
