@@ -62,6 +62,9 @@ def test_the_oddest_stands_out_most_in_some_output() -> None:
     odd = _judged(1, errors, bench)
     assert (odd.number, odd.signal) == (1, bench.outputs[1])
     assert odd.times == pytest.approx(3.0)
+    none = np.array([[np.nan, 0.0], [np.nan, 0.0], [np.inf, 0.0]])
+    assert _judged(0, none, bench).times == 0.0
+    assert _judged(2, np.array([[1.0, 0.0], [1.0, 0.0], [np.inf, 0.0]]), bench).times > 1e300
 
 
 @pytest.mark.parametrize(

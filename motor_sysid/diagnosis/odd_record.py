@@ -113,12 +113,18 @@ def _errors(model: Model, chains: Sequence[Chain], bench: Bench) -> Array:
 
 def _oddest(errors: Array) -> int:
     """Return the number of the record that stands out most in some output."""
-    return int(np.argmax(np.max(errors / np.median(errors, axis=0), axis=1)))
+    return int(np.argmax(np.max(_ratio(errors, np.median(errors, axis=0)), axis=1)))
+
+
+def _ratio(errors: Array, others: Array) -> Array:
+    """Return how many times larger errors are than others; 0 where neither is a number."""
+    with np.errstate(divide='ignore', invalid='ignore'):
+        return np.nan_to_num(errors / others, posinf=np.finfo(float).max)
 
 
 def _judged(number: int, errors: Array, bench: Bench) -> Odd:
     """Return how odd a record is, by (n, n_y) errors of all."""
-    times = errors[number] / np.max(np.delete(errors, number, axis=0), axis=0)
+    times = _ratio(errors[number], np.max(np.delete(errors, number, axis=0), axis=0))
     output = int(np.argmax(times))
     return Odd(number, float(times[output]), bench.outputs[output])
 
