@@ -54,7 +54,9 @@ def without_odd_record(
 ) -> Diagnosis:  # fmt: skip
     """Return what was found, or what is found over all records but one that is not like them.
 
-    Only where something unknown is left, and where that is not so over the others.
+    Only where something unknown is left, and where that is not so over the others.  What is named
+    there has to be what the odd record lacks by itself, too: fewer records refute less, and what
+    the catalogue does not hold may look like something else in those that are left.
 
     Parameters
     ----------
@@ -84,7 +86,11 @@ def without_odd_record(
     if rest.unknown or rest.verdict in _NOTHING_TOLD or odd.times < ODD:
         return found
     own = records[odd.number]
-    return _told(rest, odd, records, again([own], []) if len(own) >= MIN_SAMPLES else None)
+    alone = again([own], []) if len(own) >= MIN_SAMPLES else None
+    if set(rest.effects) <= set(alone.effects if alone else ()):
+        return _told(rest, odd, records, alone)
+    verdict, *further = found.reasons
+    return replace(found, reasons=(verdict, _unproven(rest, odd, records), *further))
 
 
 _NOTHING_TOLD = (Verdict.UNKNOWN_EFFECT, Verdict.INSUFFICIENT_DATA)
@@ -129,17 +135,34 @@ def _judged(number: int, errors: Array, bench: Bench) -> Odd:
     return Odd(number, float(times[output]), bench.outputs[output])
 
 
+def _unlike(odd: Odd, names: Sequence[str]) -> str:
+    return (
+        f'{names[odd.number]} is not like the others: with what describes those its error of the '
+        f'{odd.signal} is {odd.times:.2g} times as large as in any of them'
+    )
+
+
+def _others(odd: Odd, names: Sequence[str]) -> str:
+    return listed([*names[: odd.number], *names[odd.number + 1 :]])
+
+
+def _unproven(rest: Diagnosis, odd: Odd, records: Sequence[Record]) -> str:
+    names = names_of(records)
+    return (
+        f'{_unlike(odd, names)}. Over {_others(odd, names)} alone {titles(rest.effects)} would be '
+        f'named, and nothing else is missing there; but {names[odd.number]} by itself does not '
+        'ask for that, so it may stand for something else'
+    )
+
+
 def _told(
     rest: Diagnosis, odd: Odd, records: Sequence[Record], alone: Diagnosis | None
 ) -> Diagnosis:
     """Return a diagnosis of the other records, and say which is not like them."""
     names = names_of(records)
-    name, others = names[odd.number], listed([*names[: odd.number], *names[odd.number + 1 :]])
     said = (
-        f'{name} is not like the others: with what describes those its error of the {odd.signal} '
-        f'is {odd.times:.2g} times as large as in any of them. Searched, and shown, over {others} '
-        'alone',
-        *_by_itself(name, alone),
+        f'{_unlike(odd, names)}. Searched, and shown, over {_others(odd, names)} alone',
+        *_by_itself(names[odd.number], alone),
     )
     if rest.verdict is not Verdict.COMPLETE:
         verdict, *further = rest.reasons
