@@ -1,6 +1,7 @@
 """One record of several in which something acts that is not in the others."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from bench_motor import a_motor, measure, voltage_profile
 import numpy as np
@@ -8,8 +9,9 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
 from motor_sysid.diagnosis.odd_record import _judged, _oddest, FEWEST, without_odd_record
-from motor_sysid.diagnosis.result.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis, Step
 from motor_sysid.diagnosis.search.bench import make_bench
+from motor_sysid.physics.model import SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record
 
@@ -53,6 +55,32 @@ def test_a_stranger_in_all_of_them_is_not_named_for_it() -> None:
     assert found.verdict is Verdict.UNKNOWN_EFFECT
     assert found.effects == ()
     assert not any('not like the others' in reason for reason in found.reasons)
+
+
+@pytest.mark.parametrize('asked', [(), ('driver_clipping', 'coulomb_friction')])
+def test_what_the_odd_record_does_not_ask_for_is_not_named(asked: tuple[str, ...]) -> None:
+    """Fewer records refute less: what is named over the others may stand for something else."""
+    records = recorded({}, 2.0)
+    linear = a_motor({}).with_speed_sensor(SpeedSensor.DIFFERENCE)
+    bench = make_bench(records, (), motor('brushed_dc'), linear)
+    step = Step(linear.with_free(('R',)), 5.0, 5.0, {}, ())
+    found = Diagnosis(
+        Verdict.UNKNOWN_EFFECT, (), (step,), 1.0, {}, ('Something is missing.',), tuple(records),
+        ('train',) * 3,
+    )  # fmt: skip
+    named = replace(
+        found, verdict=Verdict.EFFECT_MISSING, effects=('coulomb_friction',), reasons=('Missing.',)
+    )
+
+    def again(train: Sequence[Record], validation: Sequence[Record]) -> Diagnosis:
+        return named if len(train) == 2 else replace(named, effects=asked)
+
+    told = without_odd_record(found, bench, records, (), again, print)
+    assert told.effects == (named.effects if asked else ())
+    assert told.reasons[0] == ('Missing.' if asked else 'Something is missing.')
+    assert told.reasons[1].startswith('record 2 is not like the others')
+    unproven = 'Over record 1 and record 3 alone Coulomb friction would be named'
+    assert (unproven in told.reasons[1]) is not bool(asked)
 
 
 def test_the_oddest_stands_out_most_in_some_output() -> None:
