@@ -83,6 +83,17 @@ def test_what_the_odd_record_does_not_ask_for_is_not_named(asked: tuple[str, ...
     assert (unproven in told.reasons[1]) is not bool(asked)
 
 
+def test_where_the_others_lack_nothing_what_is_unknown_stays_shown() -> None:
+    records = recorded({}, 2.0)
+    found = diagnose(records, motor='brushed_dc', effects=['driver_clipping', 'supply_sag'])
+    assert found.verdict is Verdict.UNKNOWN_EFFECT
+    assert found.unknown
+    assert found.records[1]['voltage'].max() > CLIPPED, 'the odd one is shown'
+    said = [reason for reason in found.reasons if 'not like the others' in reason]
+    assert said
+    assert said[0].endswith('Over record 1 and record 3 alone nothing is missing')
+
+
 def test_the_oddest_stands_out_most_in_some_output() -> None:
     errors = np.array([[1.0, 0.02], [1.1, 0.09], [1.4, 0.03]])
     assert _oddest(errors) == 1

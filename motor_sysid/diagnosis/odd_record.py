@@ -87,9 +87,11 @@ def without_odd_record(
         return found
     own = records[odd.number]
     alone = again([own], []) if len(own) >= MIN_SAMPLES else None
+    verdict, *further = found.reasons
+    if rest.verdict is Verdict.COMPLETE:
+        return replace(found, reasons=(verdict, *_alone_odd(odd, records, alone), *further))
     if set(rest.effects) <= set(alone.effects if alone else ()):
         return _told(rest, odd, records, alone)
-    verdict, *further = found.reasons
     return replace(found, reasons=(verdict, _unproven(rest, odd, records), *further))
 
 
@@ -146,6 +148,15 @@ def _others(odd: Odd, names: Sequence[str]) -> str:
     return listed([*names[: odd.number], *names[odd.number + 1 :]])
 
 
+def _alone_odd(
+    odd: Odd, records: Sequence[Record], alone: Diagnosis | None
+) -> tuple[str, ...]:
+    """Say which record is not like the others, which lack nothing."""
+    names = names_of(records)
+    said = f'{_unlike(odd, names)}. Over {_others(odd, names)} alone nothing is missing'
+    return (said, *_by_itself(names[odd.number], alone))
+
+
 def _unproven(rest: Diagnosis, odd: Odd, records: Sequence[Record]) -> str:
     names = names_of(records)
     return (
@@ -164,10 +175,8 @@ def _told(
         f'{_unlike(odd, names)}. Searched, and shown, over {_others(odd, names)} alone',
         *_by_itself(names[odd.number], alone),
     )
-    if rest.verdict is not Verdict.COMPLETE:
-        verdict, *further = rest.reasons
-        return replace(rest, reasons=(verdict, *said, *further))
-    return replace(rest, verdict=Verdict.UNKNOWN_EFFECT, reasons=(*said, *rest.reasons))
+    verdict, *further = rest.reasons
+    return replace(rest, reasons=(verdict, *said, *further))
 
 
 def _by_itself(name: str, alone: Diagnosis | None) -> tuple[str, ...]:
