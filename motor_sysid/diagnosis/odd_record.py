@@ -28,6 +28,9 @@ FEWEST = 3
 ODD = 2.0
 """Error of the odd record in an output, in units of the largest of the others."""
 
+_NOTHING_TOLD = (Verdict.UNKNOWN_EFFECT, Verdict.INSUFFICIENT_DATA)
+"""Verdicts over the others that tell no more than one over all."""
+
 
 @dataclass(frozen=True)
 class Odd:
@@ -95,8 +98,6 @@ def without_odd_record(
     return replace(found, reasons=(verdict, _unproven(rest, odd, records), *further))
 
 
-_NOTHING_TOLD = (Verdict.UNKNOWN_EFFECT, Verdict.INSUFFICIENT_DATA)
-
 
 def _suspected(model: Model, chains: Sequence[Chain], bench: Bench) -> Odd:
     """Return the record that stands out, as odd as it is with the model fitted to the others."""
@@ -144,7 +145,7 @@ def _unlike(odd: Odd, names: Sequence[str]) -> str:
     )
 
 
-def _others(odd: Odd, names: Sequence[str]) -> str:
+def _all_but(odd: Odd, names: Sequence[str]) -> str:
     return listed([*names[: odd.number], *names[odd.number + 1 :]])
 
 
@@ -153,14 +154,14 @@ def _alone_odd(
 ) -> tuple[str, ...]:
     """Say which record is not like the others, which lack nothing."""
     names = names_of(records)
-    said = f'{_unlike(odd, names)}. Over {_others(odd, names)} alone nothing is missing'
+    said = f'{_unlike(odd, names)}. Over {_all_but(odd, names)} alone nothing is missing'
     return (said, *_by_itself(names[odd.number], alone))
 
 
 def _unproven(rest: Diagnosis, odd: Odd, records: Sequence[Record]) -> str:
     names = names_of(records)
     return (
-        f'{_unlike(odd, names)}. Over {_others(odd, names)} alone {titles(rest.effects)} would be '
+        f'{_unlike(odd, names)}. Over {_all_but(odd, names)} alone {titles(rest.effects)} would be '
         f'named, and nothing else is missing there; but {names[odd.number]} by itself does not '
         'ask for that, so it may stand for something else'
     )
@@ -172,7 +173,7 @@ def _told(
     """Return a diagnosis of the other records, and say which is not like them."""
     names = names_of(records)
     said = (
-        f'{_unlike(odd, names)}. Searched, and shown, over {_others(odd, names)} alone',
+        f'{_unlike(odd, names)}. Searched, and shown, over {_all_but(odd, names)} alone',
         *_by_itself(names[odd.number], alone),
     )
     verdict, *further = rest.reasons
@@ -184,7 +185,7 @@ def _by_itself(name: str, alone: Diagnosis | None) -> tuple[str, ...]:
     if alone is None or alone.verdict is Verdict.INSUFFICIENT_DATA:
         return ()
     if alone.verdict is Verdict.COMPLETE:
-        return (f'By itself {name} lacks nothing: it is of a motor with other parameters',)
+        return (f'By itself {name} lacks nothing that it shows: its parameters are others',)
     if alone.unknown or not alone.effects:
         return (f'What is missing in {name} is not in the catalogue',)
     return (f'By itself {name} lacks {titles(alone.effects)}',)
