@@ -161,8 +161,8 @@ def _alone_odd(
 def _unproven(rest: Diagnosis, odd: Odd, records: Sequence[Record]) -> str:
     names = names_of(records)
     return (
-        f'{_unlike(odd, names)}. Over {_all_but(odd, names)} alone {titles(rest.effects)} would be '
-        f'named, and nothing else is missing there; but {names[odd.number]} by itself does not '
+        f'{_unlike(odd, names)}. Over {_all_but(odd, names)} alone {titles(rest.effects)} would '
+        f'be named, and nothing else is missing there; but {names[odd.number]} by itself does not '
         'ask for that, so it may stand for something else'
     )
 
