@@ -1,6 +1,6 @@
 """Bags: whole, damaged, with custom types, out of order; and what is said about each."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 import contextlib
 from dataclasses import replace
 from pathlib import Path
@@ -16,16 +16,20 @@ from recording_tools import (
     motor_topics,
     MS,
     START,
+    Topic,
+    types,
     vector,
     write_bag,
     write_rows,
 )
+from rosbags.interfaces import Connection
+from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
 import yaml
 
 from motor_sysid.errors import UserError
 from motor_sysid.recording import load, Loaded
 from motor_sysid.recording.msg_config import load_msg_config
-from motor_sysid.recording.rosbag import Bag
+from motor_sysid.recording.rosbag import Bag, ZSTD
 from motor_sysid.recording.save import write_record
 from motor_sysid.signals import Record
 
@@ -47,6 +51,23 @@ def same(one: Record, other: Record) -> bool:
 
 def storage_file(bag: Path) -> Path:
     return next(file for file in bag.iterdir() if file.suffix in {'.db3', '.mcap'})
+
+
+def with_rosbags(
+    path: Path, topics: Mapping[str, Topic], storage: StoragePlugin,
+    mode: CompressionMode = CompressionMode.NONE,
+) -> Path:  # fmt: skip
+    """Write a bag as recorders do: a topic gets its place with its first message."""
+    rows = [(at, name, data) for name, (_, rest) in topics.items() for at, data in rest]
+    known: dict[str, Connection] = {}
+    writer = Writer(path, version=9, storage_plugin=storage)
+    writer.set_compression(mode, CompressionFormat.ZSTD)
+    with writer:
+        for received, name, data in sorted(rows):
+            if name not in known:
+                known[name] = writer.add_connection(name, topics[name][0], typestore=types())
+            writer.write(known[name], received, data)
+    return path
 
 
 @pytest.fixture(scope='module', params=['sqlite3', 'mcap', 'mcap_zstd'])
@@ -164,6 +185,43 @@ def test_what_is_overwritten_costs_no_chunk_behind_it(tmp_path: Path, compress: 
     assert len(first) + len(last) == pytest.approx((1 - rows) * len(record), rel=0.05)
     assert last.time[-1] - last.time[0] == pytest.approx(1e-3 * (len(last) - 1))
     assert np.array_equal(last['voltage'], record['voltage'][-len(last) :])
+
+
+def test_channels_that_come_late_in_a_broken_file_are_found(tmp_path: Path) -> None:
+    """`ros2 bag record` writes a channel just before its first message."""
+    topics = motor_topics(motor_record(400))
+    path = with_rosbags(tmp_path / 'bag', topics, StoragePlugin.MCAP)
+    data = storage_file(path).read_bytes()
+    broken = tmp_path / 'broken.mcap'
+    broken.write_bytes(data[: int(0.9 * len(data))])
+    assert set(load(broken).records[0]) == {'voltage', 'current', 'speed', 'position'}
+
+
+@pytest.mark.parametrize('storage', [StoragePlugin.MCAP, StoragePlugin.SQLITE3])
+@pytest.mark.parametrize('mode', [CompressionMode.MESSAGE, CompressionMode.FILE])
+def test_compression_is_seen_without_metadata(
+    tmp_path: Path, storage: StoragePlugin, mode: CompressionMode
+) -> None:
+    record = motor_record(300)
+    path = with_rosbags(tmp_path / 'bag', motor_topics(record), storage, mode)
+    (path / 'metadata.yaml').unlink()
+    (file,) = path.iterdir()
+    assert same(load(path).records[0], record)
+    assert same(load(file).records[0], record)
+
+
+def test_a_compressed_message_that_is_damaged_costs_no_other(tmp_path: Path) -> None:
+    record = motor_record(300)
+    path = with_rosbags(
+        tmp_path / 'bag', motor_topics(record), StoragePlugin.MCAP, CompressionMode.MESSAGE
+    )
+    file = storage_file(path)
+    frames = file.read_bytes().split(ZSTD)
+    frames[400] = frames[400][:2] + bytes(10) + frames[400][12:]
+    file.write_bytes(ZSTD.join(frames))
+    loaded = load(path)
+    assert sum(map(len, loaded.records)) >= 298
+    assert 'damaged_bag' in codes(loaded)
 
 
 def test_a_bag_that_lost_all_of_its_chunks_is_not_called_empty(
@@ -312,6 +370,32 @@ def test_one_of_several_joints(tmp_path: Path) -> None:
     config = tmp_path / 'mine.yaml'
     config.write_text("signals: {speed: {topic: motor/speed, field: 'velocity[name=b]'}}")
     assert load(bag, config).records[0]['speed'].tolist() == list(range(100, 160))
+
+
+def test_a_joint_that_is_not_there_is_said_with_those_that_are(tmp_path: Path) -> None:
+    rows = [(START + k * MS, joints(START + k * MS, ['hip', 'elbow'], [0, 0], [k, k]))
+            for k in range(30)]  # fmt: skip
+    bag = write_bag(tmp_path / 'bag', {'/joint_states': (JOINTS, rows)})
+    config = tmp_path / 'mine.yaml'
+    config.write_text("signals: {speed: {topic: joint_states, field: 'velocity[name=knee]'}}")
+    with pytest.raises(UserError, match=r'no message .* `velocity\[name=knee\]`; they list hip'):
+        load(bag, config)
+
+
+@pytest.mark.parametrize('lists', [(['a'], ['b']), (['a', 'b'], ['b', 'a'])])
+def test_joints_that_take_turns_are_not_mixed(
+    tmp_path: Path, lists: tuple[list[str], ...]
+) -> None:
+    """Two publishers on one topic, or one that changes the order."""
+    rows = []
+    for k in range(60):
+        names = lists[k % 2]
+        values = [k + 1000 * (name == 'b') for name in names]
+        rows.append((START + k * MS, joints(START + k * MS, names, [0] * len(names), values)))
+    loaded = load(write_bag(tmp_path / 'bag', {'/motor/speed': (JOINTS, rows)}))
+    assert max(loaded.records[0]['speed']) < 1000
+    told = [f.message for f in loaded.findings if f.code == 'several_joints']
+    assert any('30 of 60 messages' in message for message in told)
 
 
 def test_overtaking_messages_are_sorted(tmp_path: Path) -> None:

@@ -98,6 +98,10 @@ def test_round_trip_is_exact(tmp_path: Path, suffix: str) -> None:
         HEADER + ',\n0,1,2,\n0.1,1,3, ,\n',
         '"time [s]";"voltage, of the motor [V]";"speed [rad/s]"\n0;1;2\n0,1;1;3\n',
         HEADER + '\n0,1,2\n0.1,1,3\n0.2' + '\0' * 200_000,
+        'time,voltage,speed\n(s),(V),(rad/s)\n0,1,2\n0.1,1,3\n',
+        'time [ms],voltage,speed\nms,Volt,\n0,1,2\n100,1,3\n',
+        'time [s] voltage [V]  speed [rad/s]\n0 1 2\n0.1  1 3 \n',
+        '# time[s] voltage[V] speed[rad/s]\n0 1 2\n0.1 1 3\n',
     ],
 )
 def test_dialects(tmp_path: Path, text: str) -> None:
@@ -106,6 +110,40 @@ def test_dialects(tmp_path: Path, text: str) -> None:
     record = load(path).records[0]
     assert record.time.tolist() == [0.0, 0.1]
     assert record['speed'].tolist() == [2.0, 3.0]
+
+
+@pytest.mark.parametrize(
+    ('rows', 'speeds'),
+    [
+        (['0.00\t-1,436\t1.5', '0.01\t987\t1'], [-1436, 987]),
+        (['0\t1,436\t1', '10\t987\t2', '20\t-1,234,567\t3'], [1436, 987, -1234567]),
+        (['0.00\t"1,436.25"\t1', '0.01\t987\t2'], [1436.25, 987]),
+        (['0,00\t1.436,5\t1', '0,01\t2.987\t2'], [1436.5, 2987]),
+        (['0,00\t1,436\t1', '0,01\t987\t2'], [1.436, 987]),
+        (['0\t1,436\t1', '10\t9,870\t2'], [1.436, 9.87]),
+        (['0\t1,5\t1.000', '10\t2\t1.010'], [1.5, 2]),
+    ],
+)
+def test_commas_between_thousands(tmp_path: Path, rows: list[str], speeds: list[float]) -> None:
+    path = table(tmp_path / 'a.tsv', 'time [s]\tspeed [rad/s]\tvoltage [V]', rows)
+    assert load(path).records[0]['speed'].tolist() == speeds
+
+
+def test_an_index_without_a_name_is_a_time_if_it_holds_dates(tmp_path: Path) -> None:
+    rows = [f'2025-03-01 10:00:00.{k:03},{k},1' for k in range(20)]
+    path = table(tmp_path / 'a.csv', ',speed [rad/s],voltage [V]', rows)
+    assert load(path).records[0].time[1] == pytest.approx(1e-3)
+    rows = [f'{k},{1e-3 * k},{k},1' for k in range(20)]
+    path = table(tmp_path / 'b.csv', ',time [s],speed [rad/s],voltage [V]', rows)
+    assert load(path).records[0].time[1] == pytest.approx(1e-3)
+
+
+def test_rows_stamped_in_bursts_have_the_pace_of_all(tmp_path: Path) -> None:
+    stamps = [0.02 * (k // 10) + 1e-6 * (k % 10) for k in range(500)]
+    rows = [f'{t:.6f},{k},1' for k, t in enumerate(stamps)]
+    (record,) = load(table(tmp_path / 'a.csv', HEADER, rows)).records
+    assert record.dt == pytest.approx(2e-3, rel=0.03)
+    assert len(record.uniform()) <= 500
 
 
 @pytest.mark.parametrize(

@@ -77,3 +77,23 @@ def test_an_input_that_is_written_when_it_changes_is_held(tmp_path: Path) -> Non
     (record,) = load(path).records
     assert np.array_equal(record['voltage'], VOLTS)
     assert not record.samples
+
+
+@pytest.mark.parametrize('swapped', [1, 20])
+def test_rows_that_overtook_each_other_cost_none(tmp_path: Path, swapped: int) -> None:
+    slow, order = np.arange(COUNT) % 10 == 3, np.arange(COUNT)
+    for k in np.linspace(100, COUNT - 100, swapped).astype(int):
+        order[[k, k + 1]] = order[[k + 1, k]]
+    columns = TIME, VOLTS, 0.1 * VOLTS, only(SPEED, slow)
+    path = written(tmp_path / 'a.csv', *(column[order] for column in columns))
+    (record,) = load(path).records
+    assert record.time == pytest.approx(TIME[3 : COUNT - 6])
+
+
+def test_two_runs_in_one_table_are_two_records(tmp_path: Path) -> None:
+    slow = np.arange(COUNT) % 10 == 3
+    columns = TIME, VOLTS, 0.1 * VOLTS, only(SPEED, slow)
+    path = written(tmp_path / 'a.csv', *(np.tile(column, 2) for column in columns))
+    loaded = load(path)
+    assert [len(record) for record in loaded.records] == [COUNT - 9, COUNT - 9]
+    assert 'time_jumps_back' in {finding.code for finding in loaded.findings}

@@ -120,6 +120,14 @@ def test_what_is_not_finite_is_left_to_others() -> None:
     assert stray_places(np.where(RECORD['speed'] == RECORD['speed'][50], np.inf, 1.0)).size == 0
 
 
+def test_those_of_many_are_found() -> None:
+    """Up to one in 125: their neighbours, whose line they bend, do not count."""
+    places = np.sort(np.random.default_rng(0).choice(np.arange(5, 740), 48, replace=False)) * 8
+    for name in ('speed', 'current', 'position'):
+        bad = spoilt(RECORD, name, dict.fromkeys(places.tolist(), 1e4))
+        assert np.array_equal(stray_places(bad[name]), places)
+
+
 def test_many_are_none() -> None:
     """A tenth of all samples far off is what the signal is like."""
     places = np.arange(50, 5950, 10)

@@ -130,7 +130,8 @@ def _choose(
             chosen[name] = next((place for place in named if reader.has_values(*place)), named[0])
         required = [s for s in sources if not s.optional and not s.derived]
         if name not in chosen and required:
-            raise UserError(reader.missing(required[0], config))
+            topic = next((topic for source, topic in present if source is required[0]), None)
+            raise UserError(reader.missing(required[0], topic, config))
     return chosen
 
 
@@ -171,12 +172,20 @@ class _Reader:
                 self.findings.append(empty_signals([name], severity))
         return chosen
 
-    def missing(self, source: Source, config: MsgConfig) -> str:
+    def missing(self, source: Source, topic: Topic | None, config: MsgConfig) -> str:
         """Return the message for a source that must be there and is not."""
         known = list(self.messages)
+        where = f'{config.origin}: `{source.signal}` comes from topic `{source.topic}`'
+        if topic and len(self.messages.get(topic.name, ())):
+            names = self._joints(topic)
+            lists = f'; they list {", ".join(names)}' if names else ''
+            when = ' where its `when` holds' if source.when else ''
+            return (
+                f'{where}, no message of which has `{source.field}`{when}{lists}; name another '
+                'field in a msg_config file, or add `optional: true` if the signal can be missing'
+            )
         return (
-            f'{config.origin}: `{source.signal}` comes from topic `{source.topic}` '
-            f'({source.field}), which the bag does not have or which is empty'
+            f'{where} ({source.field}), which the bag does not have or which is empty'
             f'{did_you_mean(source.topic, known)}; of the topics wanted it has '
             f'{", ".join(known)}; add `optional: true` if the signal can be missing'
         )
@@ -201,9 +210,41 @@ class _Reader:
     def _column(self, topic: Topic, path: str) -> Column:
         key = topic.name, path
         if key not in self._columns:
-            messages = self.messages[topic.name]
-            self._columns[key] = column(messages, self.types, topic.msgtype, path)
+            self._columns[key] = self._of_one_joint(topic, path, self._read(topic, path))
         return self._columns[key]
+
+    def _read(self, topic: Topic, path: str) -> Column:
+        return column(self.messages[topic.name], self.types, topic.msgtype, path)
+
+    def _joints(self, topic: Topic, message: int = 0) -> list[str]:
+        """Return what a message lists under `name`; nothing where its type has no such field."""
+        data = self.messages[topic.name][message]
+        return strings_of(data, self.types, topic.msgtype, 'name')
+
+    def _of_one_joint(self, topic: Topic, path: str, read: Column) -> Column:
+        """Follow the joint that comes first in the first message, where others come first later.
+
+        Several nodes may publish on one topic, or one node in changing order.
+        """
+        if not path.endswith('[0]') or '.' in path or not (names := self._joints(topic)):
+            return read
+        named = self._read(topic, f'{path[:-3]}[name={names[0]}]')
+        other = np.flatnonzero(read.present & ~(named.present & (named.values == read.values)))
+        other = other[np.isfinite(read.values[other])]
+        if other.size == 0 or (first := self._joints(topic, int(other[0]))[:1]) == names[:1]:
+            return read
+        self.findings.append(
+            Finding(
+                Severity.WARNING, 'several_joints',
+                f'{other.size} of {read.values.size} messages of {topic.name} begin with another '
+                f'joint than {names[0]} ({"".join(first) or "without a name"}); only '
+                f'{names[0]} was taken',
+                'this may be another motor than the one that the voltage belongs to',
+                f'choose in a msg_config file, e.g. `field: {path[:-3]}[name={names[0]}]`',
+                {'messages': int(other.size)},
+            )
+        )  # fmt: skip
+        return named
 
     def _values(self, source: Source, topic: Topic) -> NDArray[np.float64]:
         read = self._column(topic, source.field)
@@ -253,8 +294,7 @@ class _Reader:
         """Warn where one of several joints was taken by its place alone."""
         if not any(source.field.endswith('[0]') for source in sources):
             return
-        first = self.messages[topic.name][0]
-        names = strings_of(first, self.types, topic.msgtype, 'name')
+        names = self._joints(topic)
         if len(names) > 1:
             self.findings.append(
                 Finding(

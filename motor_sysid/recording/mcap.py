@@ -65,9 +65,11 @@ class McapFile:
             self._data = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
         if bytes(self._data[:8]) != MAGIC:
             raise UserError(f'{path} is not an MCAP file (its first bytes are not MCAP magic)')
-        if not self._read_summary():
+        self._knows_topics = self._read_summary()
+        if not self._knows_topics:
             for _ in self._regions():
                 pass
+            self._knows_topics = True
 
     @property
     def topics(self) -> tuple[Topic, ...]:
@@ -171,11 +173,10 @@ class McapFile:
         if record.whole and (len(region) != size or (crc and zlib.crc32(region) != crc)):
             self._spoilt.append('one chunk does not match its checksum')
             return None
-        for opcode, start, end in _inner(region):
-            if opcode in {SCHEMA, CHANNEL}:
-                self._note(opcode, region[start:end])
-            elif opcode == MESSAGE and self._channels:
-                break
+        if not self._knows_topics:  # a channel may stand behind messages of others
+            for opcode, start, end in _inner(region):
+                if opcode in {SCHEMA, CHANNEL}:
+                    self._note(opcode, region[start:end])
         return region
 
     def _note(self, opcode: int, content: memoryview) -> None:

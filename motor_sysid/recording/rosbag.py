@@ -17,13 +17,16 @@ from motor_sysid.recording.sqlite import SqliteFile
 from motor_sysid.signals.finding import Finding, Severity
 
 STORAGES: Mapping[str, type[McapFile] | type[SqliteFile]] = {'.mcap': McapFile, '.db3': SqliteFile}
+PACKED = ('.mcap.zstd', '.db3.zstd')
+ZSTD = b'\x28\xb5\x2f\xfd'
+"""First bytes of what zstd compressed; no CDR message begins with them."""
 
 
 def is_bag(path: Path) -> bool:
     """Tell whether a path looks like a rosbag2 recording (the content may still be damaged)."""
     if path.is_dir():
         return (path / 'metadata.yaml').exists() or bool(_storage_files(path))
-    return path.suffix in STORAGES
+    return path.suffix in STORAGES or path.name.endswith(PACKED)
 
 
 class Bag:
@@ -52,7 +55,6 @@ class Bag:
             raise UserError(f'{path} does not exist; a bag is a folder, an .mcap or a .db3')
         information = self._metadata() if self.path.is_dir() else {}
         self.custom_data = _texts(information.get('custom_data'))
-        self._compressed_messages = _text(information, 'compression_mode').lower() == 'message'
         self._files: list[McapFile | SqliteFile] = []
         for file in self._paths(information):
             self._open(file)
@@ -161,10 +163,18 @@ class Bag:
         return target
 
     def _decompressed(self, messages: Messages) -> Messages:
-        if not self._compressed_messages:
+        """Decompress messages that rosbag2 compressed one by one; damaged ones are left out."""
+        if not len(messages) or not messages[0].startswith(ZSTD):
             return messages
-        parts = [_zstd(part) for part in messages]
-        return from_list(messages.received.tolist(), parts, messages.places.tolist())
+        kept, parts = [], []
+        for k, part in enumerate(messages):
+            try:
+                parts.append(_zstd(part))
+                kept.append(k)
+            except UserError as error:
+                told = _unreadable(error)
+                self.findings += [told] if told not in self.findings else []
+        return from_list(messages.received[kept].tolist(), parts, messages.places[kept].tolist())
 
 
 def _storage_files(folder: Path) -> list[Path]:
@@ -172,7 +182,7 @@ def _storage_files(folder: Path) -> list[Path]:
     files = [
         file
         for file in folder.iterdir()
-        if file.suffix in STORAGES or file.name.endswith(('.db3.zstd', '.mcap.zstd'))
+        if file.suffix in STORAGES or file.name.endswith(PACKED)
     ]
     numbers = {file: [int(n) for n in re.findall(r'\d+', file.stem)] or [0] for file in files}
     return sorted(files, key=lambda file: (numbers[file], file.name))
@@ -186,10 +196,6 @@ def _zstd(data: bytes) -> bytes:
         return DECOMPRESSORS['zstd'](data, 0)
     except Exception as error:  # noqa: BLE001 - the library differs between Python versions
         raise UserError(f'a zstd-compressed part of the bag is damaged: {error}') from None
-
-
-def _text(information: Mapping[str, object], key: str) -> str:
-    return str(information.get(key) or '')
 
 
 def _texts(value: object) -> dict[str, str]:

@@ -72,8 +72,8 @@ def records_from(
     findings: list[Finding] = []
     rows = _without_empty(rows, findings)
     rows = _without_holes(rows, findings)
-    rows = _in_order(rows, findings)
-    pieces = [_without_repeats(piece, findings) for piece in _monotonic(rows, findings)]
+    rows = in_order(rows, findings)
+    pieces = [_without_repeats(piece, findings) for piece in monotonic(rows, findings)]
     pieces = [part for piece in pieces for part in _contiguous(piece, max_gap, findings)]
     pieces = [part for piece in pieces for part in _without_lost_steps(piece, findings)]
     pieces = _without_stubs(pieces, findings)
@@ -150,7 +150,7 @@ def true_order(time: Array) -> NDArray[np.intp] | None:
     return order if np.mean(crowded) < 0.5 else None
 
 
-def _in_order(rows: Rows, findings: list[Finding]) -> Rows:
+def in_order(rows: Rows, findings: list[Finding]) -> Rows:
     """Put rows that arrived late where they belong."""
     if rows.time.size < 3 or np.all(np.diff(rows.time) >= 0):
         return rows
@@ -175,7 +175,7 @@ def times(count: int) -> str:
     return 'once' if count == 1 else f'{count} times'
 
 
-def _monotonic(rows: Rows, findings: list[Finding]) -> Iterator[Rows]:
+def monotonic(rows: Rows, findings: list[Finding]) -> Iterator[Rows]:
     """Split where time jumps backward."""
     back = np.flatnonzero(np.diff(rows.time) < 0) + 1
     if back.size:

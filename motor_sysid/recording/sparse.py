@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.recording.align import align, choose_base, is_regular, Series
-from motor_sysid.recording.rows import Rows
+from motor_sysid.recording.rows import in_order, monotonic, Rows
 from motor_sysid.signals.channels import Role, role_of
 from motor_sysid.signals.finding import Finding
 from motor_sysid.signals.record import Samples
@@ -31,23 +31,31 @@ LONGEST = 1e9
 def joined(rows: Rows, base_clock: str) -> tuple[list[Rows], list[Finding]]:
     """Bring signals that have rows of their own onto one time axis; see `align`.
 
-    Rows of which none has, or that are not in order, are returned as they are.
+    Rows of which none has are returned as they are.  Those that overtook each other are sorted,
+    and each time that the clock starts anew is joined by itself.
     """
-    series = _series(rows)
-    if not series:
+    findings: list[Finding] = []
+    pieces = list(monotonic(in_order(rows.take(np.isfinite(rows.time)), findings), findings))
+    found = [_series(piece) for piece in pieces]
+    if not any(found):
         return [rows], []
-    parts, findings = align(series, choose_base(series, base_clock), rows.units)
-    start = float(rows.time[np.isfinite(rows.time)][0])
-    return [_from(part, start, rows.label) for part in parts if part.time.size], findings
+    parts: list[Rows] = []
+    for piece, series in zip(pieces, found, strict=True):
+        if not series:
+            parts.append(piece)
+            continue
+        joint, told = align(series, choose_base(series, base_clock), rows.units)
+        start = float(piece.time[0])
+        parts += [_from(part, start, rows.label) for part in joint if part.time.size]
+        findings += told
+    return parts, findings
 
 
 def _series(rows: Rows) -> list[Series]:
     """Return the signals by the rows in which they have values; nothing if all have the same."""
-    timed = np.isfinite(rows.time)
-    time = rows.time[timed]
-    if time.size < FEWEST or np.any(np.diff(time) < 0):
+    time, values = rows.time, rows.signals
+    if time.size < FEWEST:
         return []
-    values = {name: column[timed] for name, column in rows.signals.items()}
     alike: dict[bytes, list[str]] = defaultdict(list)
     for name, column in values.items():
         if np.any(np.isfinite(column)):

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 import csv
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 import re
 from typing import TypeVar
@@ -187,6 +187,9 @@ def read_table(path: Path) -> Table:
     """
     findings: list[Finding] = []
     lines = read_lines(path, findings)
+    if len(lines.names) > 1 and not lines.names[0]:  # as pandas writes an index without a name
+        first = (cells_of(lines.rows[0], lines.delimiter) or [''])[0].strip()
+        lines = replace(lines, names=('time' if _is_date(first) else 'index', *lines.names[1:]))
     if are_numbers(lines.names):
         raise UserError(
             f'{path} has no header line: it begins with `{", ".join(lines.names)[:60]}`; '

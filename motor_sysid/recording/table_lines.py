@@ -8,7 +8,9 @@ import re
 import zlib
 
 from motor_sysid.errors import UserError
+from motor_sysid.recording.number_style import with_decimal_points
 from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.units import is_unit
 
 TOLERATED = 0.01
 """Share of bad rows up to which they are left out instead of refused."""
@@ -69,6 +71,8 @@ def read_lines(path: Path, findings: list[Finding]) -> Lines:
         raise UserError(f'{path} is empty; it needs a header line such as `time [s],voltage [V]`')
     if SEPARATOR.fullmatch(lines[filled[0]].strip()) and len(filled) > 1:
         del filled[0]
+    if not any(mark in lines[filled[0]] for mark in DELIMITERS):
+        lines = _tabbed(lines, filled)
     top = lines[filled[0]]
     delimiter = max(DELIMITERS, key=re.sub('"[^"]*"', '', top).count)
     names, kept = _names(top, delimiter), filled[1:]
@@ -76,18 +80,52 @@ def read_lines(path: Path, findings: list[Finding]) -> Lines:
     title = _names(above.lstrip().lstrip('#'), delimiter)
     if len(title) == len(names) and are_numbers(names) and not are_numbers(title):
         names, kept = title, filled
+    if kept and (units := _units(_names(lines[kept[0]], delimiter))):
+        names, kept = _with_units(names, units), kept[1:]
     if not kept:
         raise UserError(f'{path} has a header ({", ".join(names)}) but no rows')
     rows = [lines[k] for k in kept]
     if delimiter != ',':
-        rows = [row.replace(',', '.') for row in rows]  # a decimal comma
+        rows = with_decimal_points(rows, delimiter)
     marks = ''.join(mark for mark in '"#' if mark in text)
     found = Lines(names, delimiter, rows, [k + 1 for k in kept], marks)
     return _without_broken(path, _without_unfinished(found, findings), findings)
 
 
+def _tabbed(lines: list[str], filled: Sequence[int]) -> list[str]:
+    """Return the lines of a table with blanks between its columns, with tabs there.
+
+    Without two numbers or more in its second row it is none.  A blank before a bracket is part of
+    a header: ``speed [rad/s]``.
+    """
+    cells = lines[filled[min(1, len(filled) - 1)]].split()
+    if len(cells) < 2 or not are_numbers(cells):
+        return lines
+    return [re.sub(r'(?<=[^\s#])[ \t]+(?![\[(\s])', '\t', line.strip()) for line in lines]
+
+
 def _names(line: str, delimiter: str) -> tuple[str, ...]:
     return tuple(name.strip() for name in cells_of(line, delimiter) or [line])
+
+
+def _units(cells: Sequence[str]) -> tuple[str, ...]:
+    """Return the units in a line below the header, as oscilloscopes write it; none if it is not.
+
+    In such a line there is no number, and a unit at least; ``(ms)`` is ``ms``.
+    """
+    units = tuple(re.sub(r'^[(\[](.*)[)\]]$', r'\1', cell.strip('" ')) for cell in cells)
+    if any(number_in(cell.replace(',', '.')) is not None for cell in cells if cell.strip('" ')):
+        return ()
+    return units if any(is_unit(unit) for unit in units if unit) else ()
+
+
+def _with_units(names: tuple[str, ...], units: tuple[str, ...]) -> tuple[str, ...]:
+    """Return headers with their units in brackets, where they bear none."""
+    rest = ('',) * (len(names) - len(units))
+    return tuple(
+        f'{name} [{unit}]' if unit and not name.endswith((']', ')')) else name
+        for name, unit in zip(names, units + rest, strict=False)
+    )
 
 
 def are_numbers(cells: Sequence[str]) -> bool:

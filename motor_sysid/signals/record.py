@@ -16,6 +16,8 @@ Array = NDArray[np.float64]
 
 UNIFORM_JITTER = 0.02
 """Largest deviation of a step from the median step, relative, that still counts as uniform."""
+BURSTS = 10.0
+"""Times the median step from which the mean one tells the pace: samples stamped in bursts."""
 
 
 @dataclass(frozen=True)
@@ -145,8 +147,10 @@ class Record:
 
     @property
     def dt(self) -> float:
-        """Median sample time in s."""
-        return float(np.median(np.diff(self.time)))
+        """Median sample time in s; the mean one where samples came in bursts."""
+        steps = np.diff(self.time)
+        usual, mean = float(np.median(steps)), float(np.mean(steps))
+        return mean if mean > BURSTS * usual else usual
 
     @property
     def duration(self) -> float:

@@ -138,10 +138,9 @@ def stray_places(values: Array, quiet: NDArray[np.bool_] | None = None) -> Place
     if not np.all(np.isfinite(values)):
         return np.empty(0, dtype=np.intp)
     off = np.abs(values[1:-1] - 0.5 * (values[:-2] + values[2:]))
-    moving = off[off > 0.0]
-    if moving.size < FEWEST:
+    if np.sum(off > 0.0) < FEWEST:
         return np.empty(0, dtype=np.intp)
-    far = FAR * np.quantile(moving, 0.99)
+    far = FAR * _usual(off)
     bare = np.abs(np.diff(values))
     steps, away = np.pad(bare, AROUND), np.flatnonzero(bare > (1 - 1 / ALONE) * far) + 1
     for length in range(1, LONGEST + 1):
@@ -158,6 +157,26 @@ def stray_places(values: Array, quiet: NDArray[np.bool_] | None = None) -> Place
         rows += [k[lone] + j for j in range(length)]
     found: Places = np.unique(np.concatenate(rows))
     return found if quiet is None else found[quiet[found]]
+
+
+def _usual(off: Array) -> float:
+    """Return what one sample in a hundred of those that move at all exceeds.
+
+    A stray sample is off, and so are its neighbours, whose line it bends; it counts once.
+    """
+    moving = off[off > 0.0]
+    large = off > FAR * np.quantile(moving, 0.9)
+    edges = np.flatnonzero(np.diff(np.pad(large.astype(np.int8), 1)))
+    starts, stops = edges[::2], edges[1::2]
+    short = stops - starts <= LONGEST + 2
+    if not np.any(short):
+        return float(np.quantile(moving, 0.99))
+    tops = np.maximum.reduceat(np.append(off, 0.0), edges)[::2][short]
+    lone = np.zeros(off.size + 1, dtype=np.int8)
+    np.add.at(lone, starts[short], 1)
+    np.add.at(lone, stops[short], -1)
+    rest = off[(np.cumsum(lone)[:-1] == 0) & (off > 0.0)]
+    return float(np.quantile(np.concatenate([rest, tops]), 0.99))
 
 
 def _stray_ends(record: Record, name: str, values: Array) -> Places:

@@ -90,8 +90,11 @@ TEMPERATURES = {
 }  # fmt: skip
 CASELESS = {
     word.lower(): word
-    for word in ('V', 'A', 'N', 'Nm', 'ohm', 'Hz', 'rpm', 'rad', 'deg', 'rev', 's', 'mV', 'mA')
-}
+    for word in (
+        'V', 'A', 'N', 'Nm', 'Hz', 's', 'mV', 'mA',
+        *(atom for atom in ATOMS if len(atom) > 2 and atom.isalpha()),
+    )
+}  # fmt: skip
 TURNING = {'1/min', 'U/min', 'min-1', 'min^-1', 'min⁻¹'}
 """What data sheets write for rpm."""
 ORDER = ('V', 'A', 'rad', 'count', 'kg', 'N', 'm', 's')
@@ -118,6 +121,14 @@ def parse_unit(text: str) -> Unit:
         'V mV A mA s ms us ns rad deg turns counts rad/s deg/s rpm turns/s m mm m/s N "N m" degC '
         '% and their products and quotients'
     )
+
+
+def is_unit(text: str) -> bool:
+    """Tell whether `parse_unit` knows a unit."""
+    try:
+        return bool(parse_unit(text))
+    except UserError:
+        return False
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

@@ -47,9 +47,9 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
     if most.period:
         why = f'; its sensor seems to start anew every {most.period:.6g} rad'
         remedy = (
-            f'write `wrap: {most.period:.6g}` (in the unit of its source, before a gear) in a '
-            'msg_config file; for a record made by hand there is '
-            '`motor_sysid.signals.wrapping.unwrapped`'
+            f'write `wrap: {most.period:.6g}` in a msg_config file, converted to the unit of its '
+            'source before a gear (a whole number of counts, say); for a record made by hand '
+            'there is `motor_sysid.signals.wrapping.unwrapped`'
         )
     yield Finding(
         Severity.WARNING, 'position_jumps',
@@ -90,5 +90,7 @@ def _against_speed(record: Record) -> Places | None:
 def _outliers(position: Array) -> Places:
     """Return the steps towards samples that leave, much further than usual, and come back."""
     steps = np.diff(position)
-    usual = max(float(np.quantile(np.abs(steps), 0.99)), least_step(steps))
+    size = np.abs(steps)
+    lasting = np.min([size[:-2], size[1:-1], size[2:]], axis=0)  # there and back are but two
+    usual = max(float(np.quantile(lasting, 0.99)), least_step(steps))
     return np.flatnonzero(~steady(position, np.inf, OUTLYING * usual)) - 1
