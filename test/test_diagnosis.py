@@ -6,15 +6,17 @@ seeds, motors and sizes.
 
 import json
 
-from bench_motor import CURRENT_NOISE, MOTOR, records
+from bench_motor import a_motor, CURRENT_NOISE, measure, MOTOR, records, voltage_profile
 import numpy as np
 import pytest
 
 from motor_sysid.benchmark.equivalences import same_as
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
-from motor_sysid.diagnosis.fitting import add_effect, compare_model, fit_model
+from motor_sysid.diagnosis.fitting import add_effect, bare, bench_of, compare_model, fit_model
 from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.diagnosis.search.bench import refuse_short
+from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.trial import Level
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -197,6 +199,39 @@ def test_by_hand_fit_then_add_gives_what_the_diagnosis_gives(friction):
     comparison, where = compare_model(trial.rung.model, [held])
     assert comparison.error_percent == pytest.approx(trial.rung.validation.error_percent, rel=0.01)
     assert where
+
+
+def test_what_takes_the_place_of_an_effect_that_the_model_had_is_named():
+    train = records({'stribeck_friction': HIDDEN['stribeck_friction']}, seconds=4.0)
+    known = fit_model(train, motor='brushed_dc', effects=('coulomb_friction',)).model
+    found = diagnose(train, model=known, effects=['stribeck_friction', 'cogging_torque'])
+    assert found.model.effects == found.effects == ('stribeck_friction',)
+    assert found.verdict is Verdict.EFFECT_MISSING
+
+
+def test_what_effects_explain_counts_by_hand_too():
+    """A further law of the same thing may be their misfit, and has to explain enough beside."""
+    train = records({'coulomb_friction': {'tau_c': 6e-3}}, seconds=2.0)
+    model = fit_model(train, motor='brushed_dc', effects=('coulomb_friction',)).model
+    bench, _ = bench_of(train, (), model, None, {}, 0.2)
+    rung = climb(model, bench)
+    linear = bare(rung, bench)
+    assert linear is not None
+    assert linear.model.effects == ()
+    assert Level.of(rung, bench, rung.result.weighting, linear).explained > 1000.0
+    assert bare(linear, bench) is None
+
+
+def test_a_moment_at_which_nothing_moved_is_known_no_better_than_that():
+    """An inertia that changed while the motor rested from 1.5 to 4.5 s: at any of these times."""
+    rng = np.random.default_rng(3)
+    volts = voltage_profile('steps', 8.0, rng)
+    volts[1500:4500] = 0.0
+    record = measure(a_motor({'inertia_change': {'g': 0.5, 't_on': 3.0}}), volts, rng)
+    found = diagnose([record], motor='brushed_dc', effects=['inertia_change'])
+    p = found.model.parameters['inertia_change.t_on']
+    assert abs(p.value - 3.0) < 1.96 * p.sigma
+    assert p.sigma < 3.0 / 1.5
 
 
 def test_a_superfluous_effect_does_not_pass():

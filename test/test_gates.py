@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
 from motor_sysid.diagnosis.search.gates import (
     gate_note,
     gone,
+    is_certain,
     is_in_few,
     misfit_of_laws,
     TAKES_OVER,
@@ -65,6 +66,17 @@ def fitted(*, differenced: bool, noise: float = 1.0):
     base = base_fit([record], kind, bench.train, bench.outputs, {}).model
     bench = with_scales(bench, base)
     return bench, climb(base, bench)
+
+
+def test_nothing_is_certain_of_stretches_too_short_to_whiten():
+    """Pieces of 50 samples hold back ten each; a noise model looks back as far."""
+    part = np.random.default_rng(0).standard_normal((10, 1))
+    before, after = (
+        Comparison(5.0, {}, (), (scale * part,) * 5, (np.ones((10, 1)),) * 5)
+        for scale in (9.0, 1.0)
+    )
+    assert not is_certain(before, after, coloured([np.tile(part, (40, 1))], 12))
+    assert is_certain(before, after, white([part]))
 
 
 def noise_model(rung):

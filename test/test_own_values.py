@@ -8,15 +8,16 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis import diagnose, Verdict
-from motor_sysid.diagnosis.own_values import FINE
+from motor_sysid.diagnosis.own_values import _joined, brought_together, FINE
 from motor_sysid.diagnosis.result.document import diagnosis_document
-from motor_sysid.diagnosis.search.bench import prepared
+from motor_sysid.diagnosis.search.bench import base_fit, make_bench, prepared, with_scales
 from motor_sysid.diagnosis.search.by_record import CERTAIN, Differing, differing
 from motor_sysid.diagnosis.search.may_differ import INPUT
 from motor_sysid.diagnosis.verdict.between_records import difference_of
 from motor_sysid.estimation.batch import make_chain
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Provenance, Record
 
 OUTPUTS = ('speed', 'current')
@@ -165,6 +166,28 @@ def test_records_with_another_payload_are_left_out():
     assert other['low'] < 1.3 * first['value'] < other['high'] < 1.33 * first['value']
     assert last['value'] == pytest.approx(MOTOR['J'], rel=0.01)
     assert found.model['J'] == pytest.approx(MOTOR['J'], rel=0.005)
+
+
+@pytest.mark.parametrize('factors', [(1.5, 1, 1), (2, 1, 1), (1, 1, 1.5), (1, 3, 1), (3, 1, 1)])
+def test_a_payload_that_is_far_off_takes_no_other_record_with_it(factors):
+    """One step of Gauss and Newton is some percents off there, wherever the odd record stands."""
+    scales = tuple({'J': float(factor)} for factor in factors)
+    records = prepared(recorded({}, scales, seconds=4.0), 'brushed_dc', {})
+    bench = make_bench(records, [], motor('brushed_dc'))
+    model = base_fit(records, bench.kind, bench.train, bench.outputs, {}).model
+    own = brought_together(model, with_scales(bench, model), records)
+    assert own.kept == tuple(k for k, factor in enumerate(factors) if factor == 1)
+
+
+def test_a_difference_may_grow_once_the_first_record_is_left_out():
+    """The records that were left out keep the value that they had."""
+    model = Model.base('brushed_dc', MOTOR)
+    first = Differing(INPUT, np.array([1.0, 0.6, 0.62]), np.zeros(3), True, 0.005, 1e3, 0.5, model)
+    further = replace(first, values=np.array([np.nan, 1.0, 1.01]))
+    (joined,) = _joined((first,), further)
+    assert joined.values == pytest.approx([1.0, 0.6, 0.6262])
+    records = recorded(seconds=1.0)
+    assert '-37 %' in difference_of(joined, records).words
 
 
 def test_a_current_sensor_may_be_set_to_zero_anew_for_each_record():

@@ -368,9 +368,10 @@ class Engine:
         shown = steps if named else steps[:1]
         if verdict is Verdict.COMPLETE:
             shown = (as_trifles(shown[0]),)
+        known = ladder[0][0].model.effects
         found = Diagnosis(
             verdict=verdict,
-            effects=final.model.effects[len(ladder[0][0].model.effects) :] if named else (),
+            effects=tuple(key for key in final.model.effects if key not in known and named),
             steps=shown,
             noise_floor_percent=left.floor_percent,
             noise_sigma=left.floor,

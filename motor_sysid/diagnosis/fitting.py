@@ -173,6 +173,14 @@ def bench_of(
     return with_scales(bench, model), model
 
 
+def bare(rung: Rung, bench: Bench) -> Rung | None:
+    """Return the fit of a model without its effects; None if it has none."""
+    model = rung.model
+    for key in model.effects:
+        model = model.without_effect(key)
+    return climb(model, bench, briefly=True) if rung.model.effects else None
+
+
 def _noted(rung: Rung, bench: Bench) -> Rung:
     """Return a fit that says of the data what is to be said."""
     warnings = (*bench.notes, *rung.result.warnings)
@@ -192,5 +200,5 @@ def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
             'or no order, frequency or moment stands out of the data'
         )
     scores = score(problem, problem.vector(), found, near)
-    level = Level.of(rung, bench, scores.weighting)
+    level = Level.of(rung, bench, scores.weighting, bare(rung, bench))
     return try_effect(best_per_effect(scores.singles, 1)[0], level, bench)

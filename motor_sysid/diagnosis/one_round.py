@@ -4,7 +4,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 from motor_sysid.diagnosis.engine import Engine
-from motor_sysid.diagnosis.fitting import bench_of, fit_model
+from motor_sysid.diagnosis.fitting import bare, bench_of, fit_model
 from motor_sysid.diagnosis.result.result import Step
 from motor_sysid.diagnosis.search.integration_steps import refined
 from motor_sysid.diagnosis.search.ranking import may_rival, rivals_of, winner_of
@@ -58,9 +58,9 @@ def one_round(
     rung, bench = refined(rung, bench)
     candidates = [effect(key) for key in effects or catalogue()]
     engine = Engine(bench, candidates, settings, progress or (lambda text: None), {})
-    rung, trials = engine.round(rung, None)
+    rung, trials = engine.round(rung, bare(rung, bench))
     rivals = {}
     if passing := [t for t in trials if t.passes]:
         best = winner_of(passing)
-        rivals[best.key] = rivals_of(best, [t for t in trials if may_rival(t)], rung)
+        rivals[best.key] = rivals_of(best, [t for t in trials if may_rival(t, best)], rung)
     return step_of(rung, trials, rivals, bench)

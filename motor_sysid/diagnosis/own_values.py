@@ -38,7 +38,10 @@ NEARER = 0.8
 between records is looked for beside that effect."""
 SAME = 2.0
 """Difference up to which a value counts as the same in two records, in units of that which is
-worth telling."""
+worth telling, ..."""
+STEP = 0.15
+"""... or, if that is more, as a share of the largest difference between any: values are those of
+one step of Gauss and Newton, which is that far off where a value differs by much."""
 MUCH = 0.2
 """Share of the squared error that must go with what nothing makes up for."""
 
@@ -207,15 +210,18 @@ def _joined(before: Sequence[Differing], one: Differing) -> tuple[Differing, ...
     old = next((other for other in before if other.name == one.name), None)
     if old is None:
         return (*before, one)
-    further, first = one.values, one.values[0]
-    both = old.values * (further / first) if one.relative else old.values + (further - first)
-    joined = replace(old, values=both, model=one.model)
+    known = np.isfinite(one.values)
+    first = one.values[known][0]
+    further = one.values / first if one.relative else one.values - first
+    both = old.values * further if one.relative else old.values + further
+    joined = replace(old, values=np.where(known, both, old.values), model=one.model)
     return tuple(joined if other is old else other for other in before)
 
 
 def _alike(records: Sequence[Record], one: Differing) -> list[bool]:
     """Tell which records a parameter is the same in, as many rows as there are."""
-    near = np.abs(one.values[:, np.newaxis] - one.values) < SAME * one.least
+    most = max(SAME * one.least, STEP * float(np.ptp(one.values)))
+    near = np.abs(one.values[:, np.newaxis] - one.values) < most
     rows = near @ np.array([len(record) for record in records])
     alike: list[bool] = near[int(np.argmax(rows))].tolist()
     return alike

@@ -151,6 +151,8 @@ def steadiness(before: Comparison, after: Comparison) -> float:
 def is_certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
     """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
     gains = _blocks([*_gains(before, after, weighting)])
+    if not gains.size:
+        return False
     error = float(gains.std(ddof=1)) / np.sqrt(gains.size) if gains.size > 1 else np.inf
     sure = _steadiness(gains) >= CERTAIN_STEADY or gains.mean() > CERTAIN_T * error
     return bool(gains.sum() > CERTAIN_GAIN and sure)
@@ -175,8 +177,10 @@ def _gains(before: Comparison, after: Comparison, weighting: Weighting) -> Itera
 
 
 def _blocks(gains: Sequence[Array]) -> Array:
-    """Return sums over about `BLOCKS` blocks of equal length."""
+    """Return sums over about `BLOCKS` blocks of equal length; none of stretches too short."""
     total = sum(g.size for g in gains)
+    if not total:
+        return np.empty(0)
     pieces = [np.array_split(g, max(round(BLOCKS * g.size / total), 1)) for g in gains]
     return np.array([float(np.sum(piece)) for group in pieces for piece in group])
 

@@ -19,7 +19,7 @@ _GRID = 63
 _WORTH = 2.0
 """Decrease of the weighted sum of squares below which a moment stays where it is."""
 
-_CHANCE, _DECADES = 3.84, 6.0
+_CHANCE = 3.84
 
 
 def with_best_moments(problem: Problem, weighting: Weighting) -> Model:
@@ -42,16 +42,29 @@ def with_best_moments(problem: Problem, weighting: Weighting) -> Model:
     return model
 
 
+def unseen_moments(model: Model) -> list[str]:
+    """Return moments of which the derivatives of a fit tell nothing, for nothing moved there.
+
+    A step of the fit takes them anywhere, and nothing else gets to its best.
+    """
+    names = [f'{key}.{effect(key).card.moment}' for key in model.effects]
+    return [
+        p.name
+        for p in model.parameters.free
+        if p.name in names and (p.sigma is None or p.sigma > p.upper - p.lower)
+    ]
+
+
 def with_honest_moments(
     problem: Problem, weighting: Weighting, bound: Information
 ) -> Model:
     """Return the problem's model, fitted, with the standard error of each moment from a scan.
 
     The error is no parabola in a moment: where nothing moves it is flat, and beside that a
-    staircase.  The standard error is a quarter of the stretch over which the error stays within
-    what chance allows (95 %), and no less than what one sample resolves, nor than what the slope
-    of the error tells where there is one.  Noise that is correlated makes chance larger: as much
-    as the standard error of the slope is larger than the `bound` for white noise.
+    staircase.  The standard error is half of how far the error stays within what chance allows
+    (95 %), to the side where that is farther, and no less than what one sample resolves, nor than
+    what the slope of the error tells where there is one.  Noise that is correlated makes chance
+    larger: as much as the standard error of the slope is larger than the `bound` for white noise.
     """
     model = problem.model
     free = [p.name for p in problem.free]
@@ -63,19 +76,29 @@ def with_honest_moments(
             continue
         z, at = problem.vector(), free.index(name)
         dt = problem.stretches[0].drive.dt / float(problem.slope(z)[at])
-        spread = np.sinh(np.linspace(-_DECADES, _DECADES, _GRID)) / np.sinh(_DECADES / _GRID)
-        cloud = np.repeat(z[np.newaxis, :], _GRID, axis=0)
-        lower, upper = (bound[at] for bound in problem.box())
-        cloud[:, at] = np.clip(z[at] + dt * spread, lower, upper)
+        away = _distances(z[at], dt, *(bound[at] for bound in problem.box()))
+        cloud = np.repeat(z[np.newaxis, :], away.size, axis=0)
+        cloud[:, at] += away
         p = model.parameters[name]
         linear = p.sigma if p.sigma is not None and p.sigma < p.upper - p.lower else 0.0
         chance = _CHANCE * max(linear / float(bound.bound[at]), 1.0) ** 2
         least = float(problem.costs(z[np.newaxis, :], weighting, near)[0])
         inside = problem.costs(cloud, weighting, near) < least + chance
-        width = float(np.ptp(cloud[inside, at])) if inside.any() else 0.0
-        error = max(0.25 * width, dt / np.sqrt(12.0)) * float(problem.slope(z)[at])
+        farthest = float(np.max(np.abs(away[inside]), initial=0.0))
+        error = max(farthest / np.sqrt(_CHANCE), dt / np.sqrt(12.0))
+        error *= float(problem.slope(z)[at])
         found[name] = max(linear, error)
     return model.with_estimates({}, found)
+
+
+def _distances(moment: float, dt: float, lower: float, upper: float) -> Array:
+    """Return distances to other moments: from one sample to the ends of the box, both ways."""
+    before, after = (
+        np.geomspace(dt, max(end, 2.0 * dt), _GRID // 2)
+        for end in (moment - lower, upper - moment)
+    )
+    away = np.concatenate((-before, after))
+    return away[(moment + away >= lower) & (moment + away <= upper)]
 
 
 def _moved(problem: Problem, model: Model, at: int, weighting: Weighting) -> Model:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.moments import with_best_moments
+from motor_sysid.diagnosis.search.moments import unseen_moments, with_best_moments
 from motor_sysid.diagnosis.where.compare import compare, Comparison, comparison_of
 from motor_sysid.estimation.batch import (
     Chain,
@@ -138,6 +138,16 @@ def climb(
             bench.problem(moved), result.weighting, reweight=reweight, iterations=iterations,
             tolerance=tolerance,
         )  # fmt: skip
+    if unseen := unseen_moments(result.model):
+        held, _ = fit_and_slopes(
+            bench.problem(result.model.with_free(unseen, free=False)), result.weighting,
+            reweight=reweight, iterations=iterations, tolerance=tolerance,
+        )  # fmt: skip
+        other, beside = fit_and_slopes(
+            bench.problem(held.model.with_free(unseen)), held.weighting, reweight=0, iterations=1
+        )
+        if _cost(beside, result.weighting) < _cost(near, result.weighting):
+            result, near = other, beside
     return judge(result, bench, near)
 
 

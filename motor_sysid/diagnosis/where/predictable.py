@@ -6,9 +6,9 @@ to random loads, too, so that the input predicts them: there the motion counts a
 reference leads it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
-from itertools import pairwise
+from itertools import accumulate, islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from motor_sysid.diagnosis.where.compare import Comparison
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.methods.reference import led_by_reference
+from motor_sysid.signals.record import Record
 from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
@@ -110,20 +111,18 @@ def _regression(
 
     Of long records only every `stride`-th row is taken.
     """
-    stretches = [s for chain in chains for s in chain if s.scored]
     rows, targets = [], []
     scale = np.sqrt(np.mean(np.concatenate(comparison.measured) ** 2, axis=0)) + 1e-300
-    for stretch, residual, measured in zip(
-        stretches, comparison.residuals, comparison.measured, strict=True
-    ):
+    for stretches, residual, measured in _pieces(comparison, chains):
         longest = _TAPS * _TAP_WIDTH
         if len(residual) <= 2 * longest:
             continue
-        simulated = (measured - residual) / scale
-        drive = stretch.drive.inputs[stretch.scored_from :]
+        cuts = list(accumulate(len(s.record) for s in stretches[:-1]))
+        simulated = _with_pace((measured - residual) / scale, cuts)
+        drive = np.concatenate([s.drive.inputs[s.scored_from :] for s in stretches])
         drive = drive / (np.sqrt(np.mean(drive**2)) + 1e-300)
         motion = np.concatenate((drive, simulated), axis=1)
-        channels = led_by_reference(stretch.record, motion, stretch.scored_from)
+        channels = led_by_reference(_record_of(stretches), motion, stretches[0].scored_from)
         drive, moved = np.split(channels, [drive.shape[1]], axis=1)
         shaped = np.concatenate(
             (
@@ -131,7 +130,7 @@ def _regression(
                 np.tanh(20 * moved),
                 moved * np.abs(moved),
                 np.abs(moved) * np.tanh(20 * moved[:, ::-1]),
-                _waves(stretch, moved, orders),
+                _waves(stretches, moved, orders),
             ),
             axis=1,
         )
@@ -139,7 +138,7 @@ def _regression(
         bumps = np.concatenate([_bumps(column) for column in moved.T], axis=1)
         wide = np.concatenate((shaped, bumps), axis=1)
         lagged += [bumps[longest::stride]]
-        slow = in_threads(partial(_slowed, np.ascontiguousarray(wide.T)), _TAUS)
+        slow = in_threads(partial(_slowed, np.ascontiguousarray(wide.T), cuts), _TAUS)
         lagged += [one[:, longest::stride].T for one in slow]
         area = np.concatenate((np.zeros((1, drive.shape[1])), np.cumsum(drive, axis=0)))
         mean = (area[_TAP_WIDTH:] - area[:-_TAP_WIDTH]) / _TAP_WIDTH
@@ -154,6 +153,31 @@ def _regression(
     return np.concatenate(rows), np.concatenate(targets)
 
 
+def _pieces(
+    comparison: Comparison, chains: Sequence[Chain]
+) -> Iterator[tuple[list[Stretch], Array, Array]]:
+    """Yield stretches with their residuals and measured outputs (N, n_y): short looks as one."""
+    rest = zip(comparison.residuals, comparison.measured, strict=True)
+    for chain in chains:
+        scored = [stretch for stretch in chain if stretch.scored]
+        own = list(islice(rest, len(scored)))
+        short = [s.scored_from == 0 and len(s.record) <= 2 * _TAPS * _TAP_WIDTH for s in scored]
+        edges = [k for k in range(len(scored)) if not k or not (short[k] and short[k - 1])]
+        for a, b in pairwise([*edges, len(scored)]):
+            residuals, measured = zip(*own[a:b], strict=True)
+            yield scored[a:b], np.concatenate(residuals), np.concatenate(measured)
+
+
+def _record_of(stretches: Sequence[Stretch]) -> Record:
+    """Return the record that stretches were cut from, as far as they reach."""
+    first = stretches[0].record
+    if len(stretches) == 1:
+        return first
+    time = np.concatenate([s.record.time for s in stretches])
+    signals = {n: np.concatenate([s.record[n] for s in stretches]) for n in first}
+    return Record(time, signals, first.units, first.provenance)
+
+
 def _bumps(values: Array) -> Array:
     """Return (N, k) hats over the range of (N,) values: their sums are functions of any shape."""
     low, high = np.quantile(values, (0.005, 0.995))
@@ -162,19 +186,36 @@ def _bumps(values: Array) -> Array:
     return hats
 
 
-def _slowed(values: Array, tau: float) -> Array:
-    """Return (f, N) values behind a first-order lag of `tau` samples, as a rotor would be."""
+def _with_pace(simulated: Array, cuts: Sequence[int]) -> Array:
+    """Return outputs of short looks with how fast they change: of a position alone, the speed."""
+    if not cuts:
+        return simulated
+    pace = np.concatenate([np.gradient(part, axis=0) for part in np.split(simulated, cuts)])
+    return np.concatenate((simulated, pace / (np.std(pace, axis=0) + 1e-300)), axis=1)
+
+
+def _slowed(values: Array, cuts: Sequence[int], tau: float) -> Array:
+    """Return (f, N) values behind a first-order lag of `tau` samples, as a rotor would be.
+
+    Where runs begin anew at some columns, what a model lacks adds up from there, to a speed and to
+    an angle: these are (2 f, N) values behind one lag and behind two, from nothing.
+    """
     keep = np.exp(-1.0 / tau)
-    slow: Array = lfilter([1 - keep], [1, -keep], values, zi=keep * values[:, :1])[0]
-    return slow
+    one = partial(lfilter, [1 - keep], [1, -keep])
+    if not cuts:
+        slow: Array = one(values, zi=keep * values[:, :1])[0]
+        return slow
+    once = [one(part) for part in np.split(values, cuts, axis=1)]
+    twice = [one(part) for part in once]
+    return np.concatenate([np.concatenate(lags, axis=1) for lags in (once, twice)])
 
 
-def _waves(stretch: Stretch, moved: Array, orders: Orders) -> Array:
+def _waves(stretches: Sequence[Stretch], moved: Array, orders: Orders) -> Array:
     """Return sines and cosines of multiples of the rotor angle, (N, f), beside (N, n_y) outputs.
 
     Those that go with the current are multiplied by each output.  None without an angle.
     """
-    angle = stretch.drive.position[stretch.scored_from :]
+    angle = np.concatenate([s.drive.position[s.scored_from :] for s in stretches])
     plain, led = orders
     if not angle.size or not (plain or led):
         return np.empty((len(moved), 0))
