@@ -201,6 +201,32 @@ def test_random_load_is_told_from_sensor_noise():
     assert 0.4 * memory < middle < 2.5 * memory
 
 
+def with_quiet_end(begins: int, level: float) -> Record:
+    """Return a recording that is driven by that much of the voltage from a sample on."""
+    volts = 8.0 * np.random.default_rng(3).uniform(-1, 1, 100)[np.arange(3000) // 250]
+    volts[begins:] *= level
+    rng = np.random.default_rng(18)
+    return measure(run(PLANT, Control(volts, limit=24.0), DT), TACHO, DT, rng)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(
+    ('records', 'held'),
+    [
+        ([with_quiet_end(2200, 0.03)], []),
+        ([with_quiet_end(1050, 0.0)], []),
+        ([with_quiet_end(1050, 0.0)], [recording(1)]),
+        ([recording(k, seconds=0.6) for k in range(3)], [recording(3, seconds=0.6)]),
+    ],
+    ids=['slow end', 'idle end', 'idle end held', 'three'],
+)
+def test_records_are_made_again_with_the_cuts_of_the_real_ones(records, held):
+    """How much is held back, or left out at the end, is read from signals that have noise."""
+    found = make_plan(start(), records, held, fraction=0.2, candidates=FEW, seed=1, tell=print)
+    size = {s.place: s.sigma for s in found.noise.sources if not s.force and s.memory == 0.0}
+    assert size['speed'] == pytest.approx(TACHO.tacho_noise, rel=0.1)
+
+
 def test_a_twin_without_noise_runs_as_the_motor_did():
     model, real = start(), recording(0)
     loop = Twin(model, real, fit_controller(model, real)).make(Noise(), np.random.default_rng(0))

@@ -112,7 +112,7 @@ def make_plan(
     loops = [Twin(model, r, _controller(model, r, tell)) for r in (*records, *held)]
     tell('reading the noise from what the model leaves')
     twins = [Twin(model, record) for record in records]
-    noise = fit_noise(model, bench, twins, 0.0 if held else fraction, seed)
+    noise = fit_noise(model, bench, twins, seed)
     return Plan(
         model,
         tuple(loops[: len(records)]),
