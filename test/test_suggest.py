@@ -198,6 +198,16 @@ def test_a_weak_parameter_becomes_sharp_as_was_said(crawled) -> None:
         assert abs(after.value - truth) < 4 * row.sigma_after + 0.01 * truth
 
 
+def test_a_stray_sample_is_no_noise(crawled) -> None:
+    record, model = crawled
+    current = record['current'].copy()
+    current[1500] += 10.0
+    stray = record.with_signal('current', current, 'A')
+    clean, found = (suggest_experiment([model], one).sharpenings for one in (record, stray))
+    assert [row.name for row in found] == [row.name for row in clean]
+    assert found[0].sigma_after == pytest.approx(clean[0].sigma_after, rel=0.05)
+
+
 def test_the_least_known_parameters_are_asked_for_by_themselves(crawled) -> None:
     record, model = crawled
     made = suggest_experiment([model], [record])

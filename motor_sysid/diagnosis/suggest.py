@@ -51,17 +51,16 @@ def suggest(
         If a rival or parameter is unknown, or the motor has more than one input.
     """
     tell = progress or (lambda text: None)
-    evens = [r.uniform() for r in records]
     sets = parse_rivals(rivals) if rivals else ()
     if diagnosis is not None:
         sets = rivals_of(diagnosis)
     elif not rivals and not parameters:
         tell('diagnosing the records')
-        found = diagnose(evens, model=model, progress=progress)
+        found = diagnose(records, model=model, progress=progress)
         sets, model = rivals_of(diagnosis_document(found)), found.model
-    models = fit_rivals(model, sets[:MOST], evens, tell) if sets else (model,)
+    models = fit_rivals(model, sets[:MOST], records, tell) if sets else (model,)
     made = suggest_experiment(
-        models, evens, limits, parameters=parameters, quick=False, progress=tell
+        models, records, limits, parameters=parameters, quick=False, progress=tell
     )
     if made is None:
         raise UserError('the model has no free parameter: nothing is open')

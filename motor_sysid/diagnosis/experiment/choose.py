@@ -10,6 +10,7 @@ from motor_sysid.diagnosis.experiment.limits import Limits, limits_of
 from motor_sysid.diagnosis.experiment.relax import would_help
 from motor_sysid.diagnosis.experiment.result import Experiment, Separation, Sharpening
 from motor_sysid.diagnosis.experiment.stage import Stage, THOROUGH
+from motor_sysid.diagnosis.search.bench import prepared
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -61,10 +62,11 @@ def suggest_experiment(
     UserError
         If a parameter is unknown, or the motor has more than one input.
     """
-    evens = [r.uniform() for r in ([records] if isinstance(records, Record) else records)]
     models = tuple(models)[:MOST]
     if not models or not any(m.parameters.free for m in models):
         return None
+    given = [records] if isinstance(records, Record) else records
+    evens = prepared(given, models[0].motor, models[0].parameters.values())
     limits = limits or limits_of(evens, models[0].kind)
     stage = Stage(models, evens, limits, QUICK if quick else USUAL)
     tell = progress or (lambda text: None)
