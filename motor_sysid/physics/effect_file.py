@@ -3,6 +3,7 @@
 from dataclasses import replace
 import functools
 import inspect
+import re
 from types import ModuleType
 
 import numpy as np
@@ -112,6 +113,8 @@ def _problem(one: Effect) -> str:
     laws = {**one.laws, **one.rates}
     broken = next((name for name, law in laws.items() if not callable(law)), '')
     enters: object = card.enters
+    if not re.fullmatch(r'[\w-]+', one.key):
+        return 'a key has letters, digits, `_` and `-` only; rename it'
     if not isinstance(enters, Enters):
         return f'`enters` is {enters!r}; give one of Enters'
     if not card.amplitudes:
