@@ -130,6 +130,20 @@ def test_the_true_motor_stays_inside_the_limits(case) -> None:
     assert np.max(np.abs(new['position'])) <= 30.0
 
 
+def test_three_rivals_are_told_apart_in_words(case) -> None:
+    _, record, rivals = case
+    bare = fit_model([record]).model
+    made = suggest_experiment((bare, *rivals), record)
+    assert made is not None
+    assert made.decides
+    words = 'the model as it is, constant load torque and asymmetric Coulomb friction apart'
+    assert made.purpose == f'to tell {words}'
+    assert made.summary.startswith(f'tells {words}: expected dBIC')
+    two = suggest_experiment((bare, rivals[0]), record)
+    assert two is not None
+    assert two.summary.startswith('separates the model as it is from constant load torque: ')
+
+
 def test_a_motor_that_must_not_turn_back_is_not_told_to(case) -> None:
     """What decides then is a stop: a load turns the motor back, friction holds it."""
     _, record, rivals = case
@@ -148,7 +162,7 @@ def test_the_limit_that_stands_in_the_way_is_named() -> None:
     made = suggest_experiment(rivals, record, slow)
     assert made is not None
     assert not made.decides
-    assert 'no admissible experiment separates nothing more from quadratic drag' in made.summary
+    assert 'no admissible experiment separates the model as it is from quadratic' in made.summary
     (words,) = would_help(Stage(rivals, [record], slow, QUICK))
     assert 'twice the speed' in words
     assert 'current' not in words
@@ -257,9 +271,15 @@ def test_rivals_come_from_names_or_from_a_diagnosis() -> None:
     assert parse_rivals(['none', 'coulomb_friction+quadratic_drag']) == (
         (), ('coulomb_friction', 'quadratic_drag'),
     )  # fmt: skip
-    for texts, word in ((['coulomb_friction'], 'at least two'), (['a', 'none'], 'unknown effect')):
+    for texts, word in (
+        (['coulomb_friction'], 'at least two'),
+        (['coulomb_friction+iron_loss', 'iron_loss+coulomb_friction'], 'at least two'),
+        (['a', 'none'], 'unknown effect'),
+    ):
         with pytest.raises(UserError, match=word):
             parse_rivals(texts)
+    twice = ['iron_loss', 'coulomb_friction+coulomb_friction', 'iron_loss']
+    assert parse_rivals(twice) == (('iron_loss',), ('coulomb_friction',))
     document = {
         'effects': ['coulomb_friction', 'cogging_torque'],
         'candidates': [

@@ -1,6 +1,6 @@
 """Which models are rivals: named by the user, or by a diagnosis; and their fits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.errors import UserError
@@ -22,10 +22,10 @@ def parse_rivals(texts: Sequence[str]) -> Sets:
     UserError
         If an effect is unknown, or fewer than two rivals are named.
     """
-    sets = tuple(tuple(k for k in text.split('+') if k != NONE) for text in texts)
+    sets = _distinct([k for k in text.split('+') if k != NONE] for text in texts)
     for key in {key for one in sets for key in one}:
         effect(key)
-    if len(set(map(frozenset, sets))) < 2:
+    if len(sets) < 2:
         raise UserError(
             f'rivals {", ".join(texts)}: name at least two that differ; `{NONE}` is the model as '
             'it is, and `+` joins effects that belong together'
@@ -54,7 +54,13 @@ def rivals_of(document: Mapping[str, object]) -> Sets:
             sets += [
                 tuple(str(other) if k == key else k for k in first) for other in others
             ]
-    return tuple(sets) if len(sets) > 1 else ()
+    distinct = _distinct(sets)
+    return distinct if len(distinct) > 1 else ()
+
+
+def _distinct(sets: Iterable[Sequence[str]]) -> Sets:
+    """Return sets of effects, each once and with each effect once."""
+    return tuple({frozenset(one): tuple(dict.fromkeys(one)) for one in sets}.values())
 
 
 def fit_rivals(
