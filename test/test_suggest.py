@@ -6,6 +6,7 @@ and has dry friction as a true sign.
 
 from dataclasses import replace
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -30,6 +31,9 @@ DT = 1e-3
 MOTOR = Plant(2.1, 2.4e-3, 0.046, 2.6e-5, 1.3e-5)
 SENSORS = Sensors(4096.0, 0.0, 0.012, 20 / 4096, 0.015)
 RIVALS = ('constant_load_torque', 'asymmetric_coulomb_friction')
+FIVE = (
+    'constant_load_torque', 'asymmetric_coulomb_friction', 'coulomb_friction', 'none', 'iron_loss'
+)
 TRUTHS = {
     'constant_load_torque': MOTOR._replace(tau_l=6e-3),
     'asymmetric_coulomb_friction': MOTOR._replace(tau_plus=6e-3, tau_minus=3e-3),
@@ -142,6 +146,35 @@ def test_three_rivals_are_told_apart_in_words(case) -> None:
     two = suggest_experiment((bare, rivals[0]), record)
     assert two is not None
     assert two.summary.startswith('separates the model as it is from constant load torque: ')
+
+
+def test_rivals_that_are_left_out_are_named(case) -> None:
+    _, record, rivals = case
+    bare = fit_model([record]).model
+    others = [bare.with_effect(key) for key in ('quadratic_drag', 'iron_loss')]
+    made = suggest_experiment((bare, *rivals, *others), record)
+    assert made is not None
+    assert made.reasons[0] == 'Left out is iron loss: no more than 4 rivals are compared at once.'
+
+
+@pytest.fixture
+def asked(monkeypatch) -> list[tuple[str, ...]]:
+    """Return the rivals that `suggest` has fitted; it proposes nothing."""
+    fitted: list[tuple[str, ...]] = []
+    nothing = Experiment(False, '', '', ('The end.',), Limits())
+    entrance = sys.modules['motor_sysid.diagnosis.suggest']
+    monkeypatch.setattr(entrance, 'fit_rivals', lambda _, sets, *rest: fitted.extend(sets))
+    monkeypatch.setattr(entrance, 'suggest_experiment', lambda *_, **rest: nothing)
+    return fitted
+
+
+def test_a_diagnosis_may_name_more_rivals_than_are_compared(crawled, asked) -> None:
+    record, model = crawled
+    one = {'effect': FIVE[0], 'confusable_with': [*FIVE[1:3], 'gravity_load', 'iron_loss']}
+    made = suggest(model, [record], diagnosis={'effects': [FIVE[0]], 'candidates': [one]})
+    assert asked == [(key,) for key in (*FIVE[:3], 'gravity_load')]
+    assert made.reasons[0].startswith('Left out is iron loss')
+    assert made.reasons[-1] == 'The end.'
 
 
 def test_a_motor_that_must_not_turn_back_is_not_told_to(case) -> None:
@@ -275,6 +308,7 @@ def test_rivals_come_from_names_or_from_a_diagnosis() -> None:
         (['coulomb_friction'], 'at least two'),
         (['coulomb_friction+iron_loss', 'iron_loss+coulomb_friction'], 'at least two'),
         (['a', 'none'], 'unknown effect'),
+        (FIVE, 'no more than 4 are compared at once'),
     ):
         with pytest.raises(UserError, match=word):
             parse_rivals(texts)

@@ -11,6 +11,9 @@ from motor_sysid.signals.record import Record
 NONE = 'none'
 """The rival that has no effect more than the model."""
 
+MOST = 4
+"""Most rivals that are compared at once."""
+
 Sets = tuple[tuple[str, ...], ...]
 
 
@@ -20,7 +23,7 @@ def parse_rivals(texts: Sequence[str]) -> Sets:
     Raises
     ------
     UserError
-        If an effect is unknown, or fewer than two rivals are named.
+        If an effect is unknown, or fewer than two rivals are named, or more than `MOST`.
     """
     sets = _distinct([k for k in text.split('+') if k != NONE] for text in texts)
     for key in {key for one in sets for key in one}:
@@ -29,6 +32,11 @@ def parse_rivals(texts: Sequence[str]) -> Sets:
         raise UserError(
             f'rivals {", ".join(texts)}: name at least two that differ; `{NONE}` is the model as '
             'it is, and `+` joins effects that belong together'
+        )
+    if len(sets) > MOST:
+        raise UserError(
+            f'{len(sets)} rivals: {", ".join(texts)}; no more than {MOST} are compared at once: '
+            'leave out those that are least likely'
         )
     return sets
 

@@ -8,7 +8,7 @@ from motor_sysid.diagnosis.experiment.determine import Gain, NOTHING
 from motor_sysid.diagnosis.experiment.discriminate import Found, Pair, SURE
 from motor_sysid.diagnosis.experiment.information import Knowledge
 from motor_sysid.diagnosis.experiment.limits import Limits
-from motor_sysid.diagnosis.experiment.rivals import NONE
+from motor_sysid.diagnosis.experiment.rivals import MOST, NONE
 from motor_sysid.diagnosis.experiment.stage import Stage
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.physics.effects import effect
@@ -60,6 +60,14 @@ def told_apart(rivals: Sequence[str]) -> str:
     """Return ``A from B``, or ``A, B and C apart``."""
     titles = [title(name) for name in rivals]
     return ' from '.join(titles) if len(titles) == 2 else f'{listed(titles)} apart'
+
+
+def left_out(rivals: Sequence[str]) -> tuple[str, ...]:
+    """Say which rivals were left out, if any were."""
+    if not rivals:
+        return ()
+    verb, titles = 'is' if len(rivals) == 1 else 'are', listed(map(title, rivals))
+    return (f'Left out {verb} {titles}: no more than {MOST} rivals are compared at once.',)
 
 
 def doubts(found: Found, rivals: Sequence[str]) -> tuple[str, ...]:
