@@ -177,6 +177,17 @@ def test_a_diagnosis_may_name_more_rivals_than_are_compared(crawled, asked) -> N
     assert made.reasons[-1] == 'The end.'
 
 
+def test_a_diagnosis_that_names_no_rivals_is_said_to(crawled, asked) -> None:
+    record, model = crawled
+    nothing = {'effects': [], 'candidates': [{'effect': FIVE[0], 'passes': True}]}
+    made = suggest(model, [record], diagnosis=nothing)
+    assert made.reasons == (
+        'The diagnosis names no rivals: this is for parameters instead.', 'The end.'
+    )
+    assert suggest(model, [record], parameters=['J']).reasons == ('The end.',)
+    assert not asked
+
+
 def test_a_motor_that_must_not_turn_back_is_not_told_to(case) -> None:
     """What decides then is a stop: a load turns the motor back, friction holds it."""
     _, record, rivals = case
@@ -325,6 +336,13 @@ def test_rivals_come_from_names_or_from_a_diagnosis() -> None:
         ('coulomb_friction', 'cogging_torque'), ('constant_load_torque', 'cogging_torque'),
     )  # fmt: skip
     assert rivals_of({'effects': [], 'candidates': []}) == ()
+    refused, passing = ({**one, 'passes': p} for one, p in zip(
+        document['candidates'], (False, True), strict=True
+    ))  # fmt: skip
+    assert rivals_of({'effects': [], 'candidates': [refused]}) == ()
+    assert rivals_of({'effects': [], 'candidates': [refused, passing]}) == (
+        ('quadratic_drag',), ('coulomb_friction',),
+    )  # fmt: skip
     with pytest.raises(UserError, match='no diagnosis'):
         rivals_of({})
 

@@ -73,4 +73,6 @@ def suggest(
     if made is None:
         raise UserError('the model has no free parameter: nothing is open')
     said = left_out(['+'.join(one) or NONE for one in sets[MOST:]])
+    if diagnosis is not None and not sets:
+        said = ('The diagnosis names no rivals: this is for parameters instead.',)
     return replace(made, reasons=said + made.reasons)

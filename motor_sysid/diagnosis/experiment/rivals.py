@@ -44,7 +44,8 @@ def parse_rivals(texts: Sequence[str]) -> Sets:
 def rivals_of(document: Mapping[str, object]) -> Sets:
     """Return the rivals that a diagnosis (its JSON document) names; empty if there are none.
 
-    The first is what it would add; each further one has a confusable effect in its place.
+    The first is what it would add, or the best of what it tried where it adds nothing; each
+    further one has a confusable effect in its place.
 
     Raises
     ------
@@ -54,7 +55,8 @@ def rivals_of(document: Mapping[str, object]) -> Sets:
     chosen, candidates = document.get('effects'), document.get('candidates')
     if not isinstance(chosen, list) or not isinstance(candidates, list):
         raise UserError('no diagnosis: `effects` and `candidates` are missing')
-    first = tuple(str(key) for key in chosen)
+    passing = [str(one.get('effect')) for one in candidates if one.get('passes')]
+    first = tuple(str(key) for key in chosen or passing[:1])
     sets = [first]
     for one in candidates:
         key, others = str(one.get('effect')), one.get('confusable_with') or []
