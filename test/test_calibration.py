@@ -33,6 +33,7 @@ from motor_sysid.diagnosis.calibration.store import (
 from motor_sysid.diagnosis.calibration.tail import share_limits, shown_level, upper_quantile
 from motor_sysid.diagnosis.calibration.twin import Twin
 from motor_sysid.diagnosis.candidates.left_noise import AR_ORDER
+from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result.threshold import FLOOR, UNCALIBRATED
 from motor_sysid.diagnosis.search.bench import make_bench, with_scales
 from motor_sysid.diagnosis.search.rounds import scored
@@ -199,6 +200,61 @@ def test_random_load_is_told_from_sensor_noise():
     assert power**0.5 == pytest.approx(sigma, rel=0.4)
     middle = sum(s.sigma**2 * s.memory for s in loads) / power
     assert 0.4 * memory < middle < 2.5 * memory
+
+
+def with_quiet_end(begins: int, level: float) -> Record:
+    """Return a recording that is driven by that much of the voltage from a sample on."""
+    volts = 8.0 * np.random.default_rng(3).uniform(-1, 1, 100)[np.arange(3000) // 250]
+    volts[begins:] *= level
+    rng = np.random.default_rng(18)
+    return measure(run(PLANT, Control(volts, limit=24.0), DT), TACHO, DT, rng)
+
+
+@pytest.mark.filterwarnings('error')
+@pytest.mark.parametrize(
+    ('records', 'held'),
+    [
+        ([with_quiet_end(2200, 0.03)], []),
+        ([with_quiet_end(1050, 0.0)], []),
+        ([with_quiet_end(1050, 0.0)], [recording(1)]),
+        ([recording(k, seconds=0.6) for k in range(3)], [recording(3, seconds=0.6)]),
+    ],
+    ids=['slow end', 'idle end', 'idle end held', 'three'],
+)
+def test_records_are_made_again_with_the_cuts_of_the_real_ones(records, held):
+    """How much is held back, or left out at the end, is read from signals that have noise."""
+    found = make_plan(start(), records, held, fraction=0.2, candidates=FEW, seed=1, tell=print)
+    size = {s.place: s.sigma for s in found.noise.sources if not s.force and s.memory == 0.0}
+    assert size['speed'] == pytest.approx(TACHO.tacho_noise, rel=0.1)
+
+
+def test_data_are_prepared_as_a_diagnosis_prepares_them():
+    """One stray sample, which no fit sees, is neither noise nor evidence."""
+    clean = recording(0, closed=False)
+    speed = clean['speed'].copy()
+    speed[1700] += 300.0
+    stray = clean.with_signal('speed', speed, 'rad/s')
+    found = make_plan(start(), [stray], [], fraction=0.2, candidates=FEW, seed=1, tell=print)
+    size = {s.place: s.sigma for s in found.noise.sources if not s.force and s.memory == 0.0}
+    assert size['speed'] == pytest.approx(TACHO.tacho_noise, rel=0.1)
+    seen = [evidence_of(start(), [one], [], 0.2, FEW[:1]).evidence for one in (stray, clean)]
+    assert seen[0] == pytest.approx(seen[1], abs=1.0)
+    with pytest.raises(UserError, match='60 samples to fit'):
+        make_plan(
+            start(), [clean.slice(0, 60)], [], fraction=0.2, candidates=FEW, seed=1, tell=print
+        )
+
+
+def test_a_motor_whose_motion_is_given_is_calibrated_too():
+    whole = recording(0, ENCODER, closed=False)
+    signals = {name: whole[name] for name in ('position', 'current')}
+    real = Record(whole.time, signals, {name: whole.units[name] for name in signals})
+    model = fit_model([real], motor='inverse_axis').model
+    found = make_plan(model, [real], [], fraction=0.2, candidates=FEW, seed=1, tell=print)
+    again = found.train[0].make(found.noise, np.random.default_rng(0))
+    np.testing.assert_array_equal(again['position'], found.train[0].record['position'])
+    assert np.std(again['current'] - found.train[0].record['current']) > 0.0
+    assert math.isfinite(chance(found, 0).evidence)
 
 
 def test_a_twin_without_noise_runs_as_the_motor_did():

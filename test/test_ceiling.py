@@ -60,6 +60,21 @@ def test_questions_that_have_no_answer(data):
         ceiling(model, data, kinds=SOME, hold_back=0.001)
 
 
+def test_data_are_prepared_as_for_a_fit(data):
+    """A stray sample says nothing of a model; a motion that is given is derived first."""
+    (record,) = data
+    model = fitted(data, 'coulomb_friction')
+    speed = record['speed'].copy()
+    speed[3700] += 300.0
+    clean, stray = (
+        ceiling(model, [one], kinds=('arx',)).rows[0].errors_percent['speed']
+        for one in (record, record.with_signal('speed', speed, 'rad/s'))
+    )
+    assert stray == pytest.approx(clean, rel=0.02)
+    axis = Model.base('inverse_axis', {'J': 2.6e-5, 'b': 1.3e-5, 'k_t': 0.046})
+    assert ceiling(axis, data, kinds=('arx',)).share_percent > 0.0
+
+
 def test_on_the_command_line(data, tmp_path, capsys):
     path, model, result = tmp_path / 'run.csv', tmp_path / 'model.yaml', tmp_path / 'out.json'
     (record,) = data

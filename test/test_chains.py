@@ -5,6 +5,7 @@ import pytest
 
 from motor_sysid.estimation.batch import Problem, starts_of, Weighting
 from motor_sysid.estimation.batch.chains import make_chain
+from motor_sysid.physics.effects import add_effect_file, catalogue
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.simulate import simulate
@@ -83,6 +84,36 @@ def test_a_run_begins_at_the_speed_that_the_sensor_stands_for(shown, start):
     begun = np.atleast_2d(starts_of(model, table, problem.stretches[:1])[0])
     truth = simulate(Model.base('brushed_dc', MOTOR), volts).outputs['speed'][start]
     assert begun[0, place] == pytest.approx(truth, abs=0.5)
+
+
+def test_a_sensors_law_may_ask_for_more_than_what_the_sensor_shows(tmp_path):
+    """An encoder that runs out, by an angle that is known, and a law that sees the current."""
+    (tmp_path / 'run_out.py').write_text(
+        'from numpy import cos\n'
+        'from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale\n'
+        "CARD = Card(title='t', equation='e', symptom='s.', reference='r', enters=Enters.SENSOR,\n"
+        "            amplitudes=(Amplitude('a', '1', 'd', Scale.ONE),))\n\n"
+        'def speed_sensor(omega, theta, i, R, a):\n'
+        '    return a * (omega * cos(theta) + R * i)\n'
+    )
+    add_effect_file(tmp_path / 'run_out.py')
+    try:
+        model = Model.base('brushed_dc', MOTOR).with_effect('run_out', {'a': 0.3})
+        time = 1e-3 * np.arange(800)
+        volts = Record(time, {'voltage': 10.0 * np.sin(30.0 * time)}, {'voltage': 'V'})
+        seen = simulate(model, volts).outputs
+        columns = {'voltage': volts['voltage'], **{n: seen[n] for n in seen if n in UNITS}}
+        record = Record(time, columns, {n: UNITS[n] for n in columns}).slice(320, 800)
+        problem = Problem(
+            model, [make_chain(record, model.kind, ['current', 'speed'])], ['current', 'speed']
+        )
+        table = problem.values(problem.vector()[np.newaxis])
+        begun = np.atleast_2d(starts_of(model, table, problem.stretches)[0])[0]
+    finally:
+        catalogue().pop('run_out')
+    truth = simulate(Model.base('brushed_dc', MOTOR), volts).outputs['speed'][320]
+    assert abs(record['speed'][0] - truth) > 10.0
+    assert begun[model.kind.states.index('omega')] == pytest.approx(truth, abs=0.5)
 
 
 @pytest.mark.parametrize('given', [{'horizon': 0.5}, {'train_fraction': 0.5, 'lent': True}])

@@ -9,6 +9,8 @@ import pytest
 
 from motor_sysid.cli import main
 from motor_sysid.control.profile_file import load_profile
+from motor_sysid.physics.model import Model
+from motor_sysid.physics.store import save_model
 
 PAGE = (Path(__file__).resolve().parent.parent / 'docs' / 'suggest.md').read_text()
 
@@ -88,6 +90,16 @@ def test_where_there_is_nothing_to_do_no_file_is_written_and_that_is_said(
     said = capsys.readouterr().out
     assert f'{out} is not written: there is no experiment to do' in said
     assert not out.exists()
+
+
+def test_a_motor_with_several_inputs_is_refused_in_words(
+    toured: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Also one whose inputs are not recorded but derived."""
+    model = tmp_path / 'axis.yaml'
+    save_model(Model.base('inverse_axis'), model)
+    assert main(['suggest', str(model), str(toured / 'forward.csv'), '--parameters', 'J']) == 2
+    assert 'experiments need a motor with one input' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -425,6 +425,9 @@ def test_an_effect_that_cannot_be_worked_with_is_refused(tmp_path, change, words
 
 def test_a_users_effect_bears_no_name_of_the_catalogue_and_may_repeat(tmp_path):
     good = CARD.format(enters='Enters.MECHANICAL', amplitudes=SIZE, law=LAW)
+    (tmp_path / 'my.drag.py').write_text(good)
+    with pytest.raises(UserError, match=r'`my\.drag`: a key has letters, digits'):
+        add_effect_file(tmp_path / 'my.drag.py')
     (tmp_path / 'coulomb_friction.py').write_text(good)
     with pytest.raises(UserError, match='is an effect of the catalogue; rename the file'):
         add_effect_file(tmp_path / 'coulomb_friction.py')

@@ -328,6 +328,13 @@ def test_without_current_resistance_and_inductance_are_not_seen():
     assert 'record the motor current' in spot.remedy
 
 
+def test_a_current_that_drives_an_axis_is_measured():
+    rng = np.random.default_rng(1)
+    record = driven(voltage_profile('steps', 6.0, rng)).select(['voltage', 'current', 'speed'])
+    axis = Model.base('mechanical_axis', {'J': 2.6e-5, 'b': 1.3e-5})
+    assert 'no_current' not in {s.code for s in blind_spots(axis, [record], ())}
+
+
 def test_samples_too_rare_for_the_inductance():
     rng = np.random.default_rng(1)
     record = driven(voltage_profile('steps', 8.0, rng), rate=100.0)

@@ -126,6 +126,21 @@ def test_only_motors_with_brushes_have_worn_ones(kind, brushes):
     assert ('a bad contact or a longer cable' in words) is not brushes
 
 
+def test_a_cause_has_its_part_in_the_change():
+    """A small change leaves little beside chance, whatever is said to have made it.
+
+    Only `b` has moved, by 3.6 of its deviations; the rest is chance.
+    """
+    model = Model.base('brushed_dc')
+    off = {'R': 0.3, 'L': -0.8, 'k_t': 0.1, 'J': 0.4, 'b': 3.6}
+    drift = drift_of_estimates(
+        model, {n: (model[n] * np.exp(0.02 * z), 0.0, '1', True) for n, z in off.items()}
+    )
+    assert alarms([drift], 0.01) == [[4]]
+    words = [one.words for one in likely(drift, True)]
+    assert [w.split(',')[0] for w in words] == [BEARING, 'a speed that reads too little']
+
+
 def test_what_nothing_explains_is_said_to_be_so():
     moved, found = told(day(5, R=1.2, L=0.8, J=1.3, b=0.5))
     assert moved['R']

@@ -65,3 +65,11 @@ def test_a_force_that_is_there_is_found():
     factors = np.zeros(12)
     factors[[0, 3, 8]] = 1.0, 3.0, 0.1
     assert all(max(found(rng, factors)) >= FORCES for _ in range(40))
+
+
+def test_what_is_known_may_be_all_there_is() -> None:
+    """Rounding alone, say: then no source is added, and none is looked for among no others."""
+    power = sources()
+    seen = np.full(len(power), 2.0)
+    assert not np.any(parsimonious(seen, seen, power, np.repeat(COUNTS, 2)))
+    assert parsimonious(seen, seen, power[:, :0], np.repeat(COUNTS, 2)).shape == (0,)

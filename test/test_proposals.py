@@ -47,6 +47,12 @@ def proposed(key: str, records: list[Record], **values: float) -> tuple[float, .
     return proposals(*prepared(model, records), records, [catalogue()[key]], scales).get(key, ())
 
 
+def turning(model: Model, record: Record) -> tuple[int, ...]:
+    scales = scales_of('brushed_dc', model.parameters.values(), [record])
+    lacks = _lacks(model, [record], 'torque')
+    return _turning(catalogue()['cogging_torque'], 'torque', lacks, scales)
+
+
 @pytest.mark.parametrize('wrong', [{}, {'J': 3.1e-5, 'b': 5e-5}])
 def test_the_moment_of_a_load_step_is_found(wrong):
     record = a_record(step_torque=4e-3, step_time=3.37)
@@ -89,14 +95,12 @@ def test_the_order_of_a_wave_stands_out_of_the_unexplained_torque(stalls):
         current[places] += 5.0
         record = record.with_signal('current', current, 'A')
     model = Model.base('brushed_dc', BASE, speed_sensor=SpeedSensor.DIFFERENCE)
-    lacks = _lacks(model, [record], 'torque')
-    assert _turning(catalogue()['cogging_torque'], 'torque', lacks) == (23,)
+    assert turning(model, record) == (23,)
 
 
 def test_no_order_stands_out_of_a_complete_motor():
     model = Model.base('brushed_dc', BASE, speed_sensor=SpeedSensor.DIFFERENCE)
-    lacks = _lacks(model, [a_record()], 'torque')
-    assert _turning(catalogue()['cogging_torque'], 'torque', lacks) == ()
+    assert turning(model, a_record()) == ()
 
 
 def test_few_values_are_proposed():

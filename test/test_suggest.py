@@ -6,6 +6,7 @@ and has dry friction as a true sign.
 
 from dataclasses import replace
 import json
+import sys
 
 import numpy as np
 import pytest
@@ -30,6 +31,9 @@ DT = 1e-3
 MOTOR = Plant(2.1, 2.4e-3, 0.046, 2.6e-5, 1.3e-5)
 SENSORS = Sensors(4096.0, 0.0, 0.012, 20 / 4096, 0.015)
 RIVALS = ('constant_load_torque', 'asymmetric_coulomb_friction')
+FIVE = (
+    'constant_load_torque', 'asymmetric_coulomb_friction', 'coulomb_friction', 'none', 'iron_loss'
+)
 TRUTHS = {
     'constant_load_torque': MOTOR._replace(tau_l=6e-3),
     'asymmetric_coulomb_friction': MOTOR._replace(tau_plus=6e-3, tau_minus=3e-3),
@@ -130,6 +134,60 @@ def test_the_true_motor_stays_inside_the_limits(case) -> None:
     assert np.max(np.abs(new['position'])) <= 30.0
 
 
+def test_three_rivals_are_told_apart_in_words(case) -> None:
+    _, record, rivals = case
+    bare = fit_model([record]).model
+    made = suggest_experiment((bare, *rivals), record)
+    assert made is not None
+    assert made.decides
+    words = 'the model as it is, constant load torque and asymmetric Coulomb friction apart'
+    assert made.purpose == f'to tell {words}'
+    assert made.summary.startswith(f'tells {words}: expected dBIC')
+    two = suggest_experiment((bare, rivals[0]), record)
+    assert two is not None
+    assert two.summary.startswith('separates the model as it is from constant load torque: ')
+
+
+def test_rivals_that_are_left_out_are_named(case) -> None:
+    _, record, rivals = case
+    bare = fit_model([record]).model
+    others = [bare.with_effect(key) for key in ('quadratic_drag', 'iron_loss')]
+    made = suggest_experiment((bare, *rivals, *others), record)
+    assert made is not None
+    assert made.reasons[0] == 'Left out is iron loss: no more than 4 rivals are compared at once.'
+
+
+@pytest.fixture
+def asked(monkeypatch) -> list[tuple[str, ...]]:
+    """Return the rivals that `suggest` has fitted; it proposes nothing."""
+    fitted: list[tuple[str, ...]] = []
+    nothing = Experiment(False, '', '', ('The end.',), Limits())
+    entrance = sys.modules['motor_sysid.diagnosis.suggest']
+    monkeypatch.setattr(entrance, 'fit_rivals', lambda _, sets, *rest: fitted.extend(sets))
+    monkeypatch.setattr(entrance, 'suggest_experiment', lambda *_, **rest: nothing)
+    return fitted
+
+
+def test_a_diagnosis_may_name_more_rivals_than_are_compared(crawled, asked) -> None:
+    record, model = crawled
+    one = {'effect': FIVE[0], 'confusable_with': [*FIVE[1:3], 'gravity_load', 'iron_loss']}
+    made = suggest(model, [record], diagnosis={'effects': [FIVE[0]], 'candidates': [one]})
+    assert asked == [(key,) for key in (*FIVE[:3], 'gravity_load')]
+    assert made.reasons[0].startswith('Left out is iron loss')
+    assert made.reasons[-1] == 'The end.'
+
+
+def test_a_diagnosis_that_names_no_rivals_is_said_to(crawled, asked) -> None:
+    record, model = crawled
+    nothing = {'effects': [], 'candidates': [{'effect': FIVE[0], 'passes': True}]}
+    made = suggest(model, [record], diagnosis=nothing)
+    assert made.reasons == (
+        'The diagnosis names no rivals: this is for parameters instead.', 'The end.'
+    )
+    assert suggest(model, [record], parameters=['J']).reasons == ('The end.',)
+    assert not asked
+
+
 def test_a_motor_that_must_not_turn_back_is_not_told_to(case) -> None:
     """What decides then is a stop: a load turns the motor back, friction holds it."""
     _, record, rivals = case
@@ -148,7 +206,7 @@ def test_the_limit_that_stands_in_the_way_is_named() -> None:
     made = suggest_experiment(rivals, record, slow)
     assert made is not None
     assert not made.decides
-    assert 'no admissible experiment separates nothing more from quadratic drag' in made.summary
+    assert 'no admissible experiment separates the model as it is from quadratic' in made.summary
     (words,) = would_help(Stage(rivals, [record], slow, QUICK))
     assert 'twice the speed' in words
     assert 'current' not in words
@@ -196,6 +254,16 @@ def test_a_weak_parameter_becomes_sharp_as_was_said(crawled) -> None:
         assert abs(after.value - truth) < abs(model[row.name] - truth) + after.sigma
         assert after.sigma == pytest.approx(row.sigma_after, rel=1.0)
         assert abs(after.value - truth) < 4 * row.sigma_after + 0.01 * truth
+
+
+def test_a_stray_sample_is_no_noise(crawled) -> None:
+    record, model = crawled
+    current = record['current'].copy()
+    current[1500] += 10.0
+    stray = record.with_signal('current', current, 'A')
+    clean, found = (suggest_experiment([model], one).sharpenings for one in (record, stray))
+    assert [row.name for row in found] == [row.name for row in clean]
+    assert found[0].sigma_after == pytest.approx(clean[0].sigma_after, rel=0.05)
 
 
 def test_the_least_known_parameters_are_asked_for_by_themselves(crawled) -> None:
@@ -247,9 +315,16 @@ def test_rivals_come_from_names_or_from_a_diagnosis() -> None:
     assert parse_rivals(['none', 'coulomb_friction+quadratic_drag']) == (
         (), ('coulomb_friction', 'quadratic_drag'),
     )  # fmt: skip
-    for texts, word in ((['coulomb_friction'], 'at least two'), (['a', 'none'], 'unknown effect')):
+    for texts, word in (
+        (['coulomb_friction'], 'at least two'),
+        (['coulomb_friction+iron_loss', 'iron_loss+coulomb_friction'], 'at least two'),
+        (['a', 'none'], 'unknown effect'),
+        (FIVE, 'no more than 4 are compared at once'),
+    ):
         with pytest.raises(UserError, match=word):
             parse_rivals(texts)
+    twice = ['iron_loss', 'coulomb_friction+coulomb_friction', 'iron_loss']
+    assert parse_rivals(twice) == (('iron_loss',), ('coulomb_friction',))
     document = {
         'effects': ['coulomb_friction', 'cogging_torque'],
         'candidates': [
@@ -261,6 +336,13 @@ def test_rivals_come_from_names_or_from_a_diagnosis() -> None:
         ('coulomb_friction', 'cogging_torque'), ('constant_load_torque', 'cogging_torque'),
     )  # fmt: skip
     assert rivals_of({'effects': [], 'candidates': []}) == ()
+    refused, passing = ({**one, 'passes': p} for one, p in zip(
+        document['candidates'], (False, True), strict=True
+    ))  # fmt: skip
+    assert rivals_of({'effects': [], 'candidates': [refused]}) == ()
+    assert rivals_of({'effects': [], 'candidates': [refused, passing]}) == (
+        ('quadratic_drag',), ('coulomb_friction',),
+    )  # fmt: skip
     with pytest.raises(UserError, match='no diagnosis'):
         rivals_of({})
 

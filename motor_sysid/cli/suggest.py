@@ -69,26 +69,28 @@ def run(args: argparse.Namespace) -> int:
     """Choose the experiment, print it, write what was asked for."""
     from motor_sysid.diagnosis import suggest
     from motor_sysid.diagnosis.experiment import limits_of
+    from motor_sysid.diagnosis.search.bench import prepared
     from motor_sysid.physics.drive import input_signals
 
     load_effect_files(args.effect_file)
     model = load_first_model(args)
-    records = [r.uniform() for r in load_data(args.data, args.msg_config)]
+    records = load_data(args.data, args.msg_config)
+    evens = prepared(records, model.motor, model.parameters.values())
     limits = limits_of(
-        records, model.kind, input=args.voltage, speed=args.speed, current=args.current,
+        evens, model.kind, input=args.voltage, speed=args.speed, current=args.current,
         travel=args.travel, time=args.time, reverse=False if args.one_way else None,
     )  # fmt: skip
     made = suggest(
         model, records, rivals=args.rivals, diagnosis=_document(args.diagnosis),
         parameters=args.parameters, limits=limits, progress=progress(),
     )  # fmt: skip
-    first, driven = records[0], input_signals(records[0], model.kind)[0]
+    first, driven = evens[0], input_signals(evens[0], model.kind)[0]
     way = 'm' if {'m', 'm/s'} & set(first.units.values()) else 'rad'
     units = {'input': first.units[driven], 'speed': f'{way}/s', 'current': 'A', 'travel': way}
     print('\n'.join(summary(made, units)))
     document = {'schema': 'motor_sysid/suggest/1', 'experiment': made.to_dict()}
     write_each(
-        lambda: _write_profile(made, args.out, records[0].dt),
+        lambda: _write_profile(made, args.out, first.dt),
         lambda: write_json(document, args.json),
     )
     return 0

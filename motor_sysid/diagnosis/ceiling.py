@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.plain import number
+from motor_sysid.diagnosis.search.bench import prepared
 from motor_sysid.diagnosis.where.compare import channel_errors, compare
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, observed_outputs
@@ -107,7 +108,7 @@ def ceiling(
         If a kind is unknown or a record is too short.
     """
     tell = progress or (lambda text: None)
-    evens = [r.uniform() for r in records]
+    evens = prepared(records, model.motor, model.parameters.values())
     outputs = observed_outputs(model.kind, evens)
     cuts = [round((1 - hold_back) * len(r)) for r in evens]
     left = [min(cut, len(r) - cut) for cut, r in zip(cuts, evens, strict=True)]

@@ -122,12 +122,13 @@ def _shape(model: Model, one: Effect, shape: Shape, record: Record | None) -> fl
         problem = Problem(model, [make_chain(record.uniform(), model.kind, outputs)], outputs)
         matched = Matched(problem, problem.linearize(problem.vector()))
         orders = matched.orders(one, 1, contrast=STANDS_OUT)
-        if not orders:
+        if orders:
+            return float(orders[0])
+        if not shape.starts:
             raise UserError(
                 f'no number of waves per turn stands out for `{one.key}` in the last samples: '
                 f'turn the motor slowly, or {ASK_FIRST}'
             )
-        return float(orders[0])
     size = scales_of(model.motor, model.parameters.values(), [record]).size(shape.scale)
     if not size > _REST:
         raise UserError(

@@ -3,6 +3,7 @@
 from dataclasses import replace
 import functools
 import inspect
+import re
 from types import ModuleType
 
 import numpy as np
@@ -112,6 +113,8 @@ def _problem(one: Effect) -> str:
     laws = {**one.laws, **one.rates}
     broken = next((name for name, law in laws.items() if not callable(law)), '')
     enters: object = card.enters
+    if not re.fullmatch(r'[\w-]+', one.key):
+        return 'a key has letters, digits, `_` and `-` only; rename it'
     if not isinstance(enters, Enters):
         return f'`enters` is {enters!r}; give one of Enters'
     if not card.amplitudes:
@@ -127,7 +130,23 @@ def _problem(one: Effect) -> str:
         return f'the card names `{stray}`, which is none of its shapes'
     if unread := [name for name in names if name not in read]:
         return f'no law reads its parameter `{unread[0]}`'
+    if blank := _not_proposed(one):
+        return f'its laws let no data propose values of `{blank}`; give it starts'
     return next(filter(None, (_fault(name, law) for name, law in laws.items())), '')
+
+
+def _not_proposed(one: Effect) -> str:
+    """Return the shape that the data are to propose and cannot, if there is one.
+
+    They tell a frequency by what acts on an equation, and the others by such a law that asks for
+    no state of the effect's own.
+    """
+    card = one.card
+    acting = [law for name, law in one.laws.items() if name not in (*SENSORS, *JUMPS)]
+    plain = [law for law in acting if not set(arguments(law)) & set(card.states)]
+    asked = ((card.orders, plain), (card.moment, plain), (card.frequency, acting))
+    started = {shape.name for shape in card.shapes if shape.starts}
+    return next((name for name, laws in asked if name not in {'', *started} and not laws), '')
 
 
 def _fault(name: str, law: Law) -> str:

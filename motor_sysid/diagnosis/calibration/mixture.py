@@ -60,9 +60,7 @@ class _Fit:
     def deviance(self, chosen: tuple[int, ...]) -> float:
         key = frozenset(chosen)
         if key not in self._seen_before:
-            total = self.known
-            if chosen:
-                total = self.known + self.power[:, list(chosen)] @ self.sizes(chosen)
+            total = self.known + self.power[:, list(chosen)] @ self.sizes(chosen)
             self._seen_before[key] = _deviance(self.seen, total, self.counts)
         return self._seen_before[key]
 
@@ -86,6 +84,8 @@ def _deviance(seen: Array, total: Array, counts: Array) -> float:
 def _sizes(seen: Array, known: Array, power: Array, counts: Array) -> Array:
     """Return (k,) non-negative factors with which `power` (b, k) and `known` make `seen` (b,)."""
     scale, factors = seen, np.zeros(power.shape[1])
+    if not factors.size:
+        return factors  # `nnls` may bring the process down over a matrix without columns
     largest = np.maximum(power.max(axis=0), 1e-300)
     for _ in range(_PASSES):
         weights = np.sqrt(counts) / scale

@@ -10,11 +10,17 @@ from motor_sysid.diagnosis.calibration.noise import Noise
 from motor_sysid.diagnosis.calibration.situation import Situation, situation_of
 from motor_sysid.diagnosis.calibration.spectrum import fit_noise
 from motor_sysid.diagnosis.calibration.twin import Twin
-from motor_sysid.diagnosis.search.bench import make_bench, with_scales
+from motor_sysid.diagnosis.search.bench import (
+    make_bench,
+    prepared_parts,
+    refuse_short,
+    with_scales,
+)
 from motor_sysid.diagnosis.search.gates import UNPHYSICAL
 from motor_sysid.diagnosis.search.integration_steps import refined
 from motor_sysid.diagnosis.search.rounds import refitted, scored
 from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -101,9 +107,11 @@ def make_plan(
     Raises
     ------
     UserError
-        If the model cannot be run over a recording.
+        If the recordings are too short, or the model cannot be run over one.
     """
-    records, held = [r.uniform() for r in train], [r.uniform() for r in validation]
+    records, held = prepared_parts(train, validation, model.motor, model.parameters.values())
+    refuse_short(records, held)
+    refuse_model_at_rest(model, records)
     bench = with_scales(make_bench(records, held, model.kind, model, fraction), model)
     rung, bench = refined(climb(model, bench), bench)
     if not np.isfinite(rung.result.cost):
@@ -112,7 +120,7 @@ def make_plan(
     loops = [Twin(model, r, _controller(model, r, tell)) for r in (*records, *held)]
     tell('reading the noise from what the model leaves')
     twins = [Twin(model, record) for record in records]
-    noise = fit_noise(model, bench, twins, 0.0 if held else fraction, seed)
+    noise = fit_noise(model, bench, twins, seed)
     return Plan(
         model,
         tuple(loops[: len(records)]),
@@ -173,6 +181,7 @@ def evidence_of(
     number:
         Put into the result.
     """
+    train, held = prepared_parts(train, held, model.motor, model.parameters.values())
     bench = with_scales(make_bench(train, held, model.kind, model, fraction), model)
     bench = replace(bench, threshold=-np.inf)
     rung, bench = refined(climb(model, bench), bench)

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.calibration.mixture import parsimonious
 from motor_sysid.diagnosis.calibration.noise import Noise, Source
 from motor_sysid.diagnosis.calibration.twin import is_counted, Twin
-from motor_sysid.diagnosis.search.bench import Bench, make_bench
-from motor_sysid.estimation.batch import Weighting
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.estimation.batch import Chain, make_chain, sensors_of, Weighting
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
@@ -38,9 +38,7 @@ TAPER = 0.5
 _SMALL = 0.01
 
 
-def fit_noise(
-    model: Model, bench: Bench, twins: Sequence[Twin], fraction: float, seed: int
-) -> Noise:
+def fit_noise(model: Model, bench: Bench, twins: Sequence[Twin], seed: int) -> Noise:
     """Fit the noise of training records.
 
     Parameters
@@ -48,15 +46,13 @@ def fit_noise(
     model, bench:
         The fitted model and its data.
     twins:
-        The training records in open loop, in the order of ``bench.train``.
-    fraction:
-        Part of each record that `bench` holds back.
+        The training records in open loop, in the order in which they were given.
     seed:
         Of the simulations.
     """
     records = [twin.record for twin in twins]
     known = Noise((), _steps(model, records), all(is_counted(model, r) for r in records))
-    bands = _Bands(model, bench, twins, fraction, seed)
+    bands = _Bands(model, bench, twins, seed)
     seen = bands.of_records(records)
     candidates = _sources(model, bench, known.counted)
     quiet = bands.simulated(known.only((), rounded=False))
@@ -118,11 +114,8 @@ def _sources(model: Model, bench: Bench, counted: bool) -> list[Source]:
 class _Bands:
     """Band powers of what a model leaves of records, beyond what its parameters can explain."""
 
-    def __init__(
-        self, model: Model, bench: Bench, twins: Sequence[Twin], fraction: float, seed: int
-    ) -> None:
-        self.model, self.bench, self.twins = model, bench, twins
-        self.fraction, self.seed = fraction, seed
+    def __init__(self, model: Model, bench: Bench, twins: Sequence[Twin], seed: int) -> None:
+        self.model, self.bench, self.twins, self.seed = model, bench, twins, seed
         problem = bench.problem(model)
         near = problem.linearize(problem.vector())
         self.weighting = Weighting(
@@ -140,8 +133,7 @@ class _Bands:
 
     def of_records(self, records: Sequence[Record]) -> Array:
         """Return (bands, n_y) mean power of the errors on records."""
-        whole = make_bench(records, (), self.bench.kind, self.model, self.fraction)
-        problem = replace(self.bench, train=whole.train).problem(self.model)
+        problem = replace(self.bench, train=self._cut_up(records)).problem(self.model)
         near = problem.linearize(problem.vector(), parameters=False)
         parts = [problem.settled(one, self.weighting) for one in near]
         flat = self.weighting.flat(np.concatenate(parts)[:, :, np.newaxis])
@@ -149,6 +141,18 @@ class _Bands:
         joined = flat.reshape(-1, self.weighting.sigma.size) * self.weighting.sigma
         sizes = np.cumsum([len(part) for part in parts])[:-1]
         return self._power(np.split(joined, sizes), self.dt)[1][self.filled]
+
+    def _cut_up(self, records: Sequence[Record]) -> tuple[Chain, ...]:
+        """Cut records where the real ones are cut: what noise does to that is no difference."""
+        bench, sensors = self.bench, sensors_of(records, self.bench.kind)
+        chains = (
+            make_chain(
+                record.slice(0, rows), bench.kind, bench.outputs, horizon=bench.horizon,
+                train_fraction=share, scored='train', sensors=sensors,
+            )
+            for record, (rows, share) in zip(records, bench.cuts, strict=False)
+        )  # fmt: skip
+        return tuple(chain for chain in chains if chain)
 
     def simulated(self, noise: Noise) -> Array:
         """Return the mean band power of a few simulations."""

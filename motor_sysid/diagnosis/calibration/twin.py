@@ -72,11 +72,13 @@ class Twin:
         phase: float,
     ) -> None:
         """Put what converters and encoders do into the signals."""
-        angle = outputs['position'] + errors.get('position', 0.0)
-        counts = rounded(angle + phase, noise.steps.get('position', 0.0)) - phase
         for name, step in noise.steps.items():
             if name in signals:
                 signals[name] = rounded(signals[name], step)
+        if 'position' not in outputs:
+            return  # the motion is given
+        angle = outputs['position'] + errors.get('position', 0.0)
+        counts = rounded(angle + phase, noise.steps.get('position', 0.0)) - phase
         if 'position' in signals:
             signals['position'] = counts
         if 'speed' in signals and noise.counted:

@@ -13,6 +13,7 @@ little blunter, not wrong, for what stands out is simulated with the whole model
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +28,7 @@ from motor_sysid.estimation.batch.weighting import Weighting
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.rollout import Program
+from motor_sysid.physics.scales import Scales, scales_of
 
 Array = NDArray[np.float64]
 
@@ -213,7 +215,16 @@ class Matched:
             return np.full(size, float(force == 'torque'))
         if force not in one.laws:
             return np.zeros(size)
-        return carrier_of(one, force, {**self._problem.model.parameters.values(), **path}, size)
+        values = self._problem.model.parameters.values()
+        known: dict[str, Array | float] = {**values, **path}
+        carrier = carrier_of(one, force, known, self._scales, size)
+        return np.zeros(size) if carrier is None else carrier
+
+    @cached_property
+    def _scales(self) -> Scales:
+        model = self._problem.model
+        records = [stretch.record for stretch in self._problem.stretches]
+        return scales_of(model.motor, model.parameters.values(), records)
 
 
 def fewest(one: Effect) -> int:
@@ -223,15 +234,35 @@ def fewest(one: Effect) -> int:
 
 
 def carrier_of(
-    one: Effect, force: str, known: Mapping[str, Array | float], size: int
-) -> Array:
+    one: Effect, force: str, known: Mapping[str, Array | float], scales: Scales, size: int
+) -> Array | None:
     """Return (N,) what an effect's cosine is multiplied by: its law at no waves per turn.
 
-    `known` holds all that the law may ask for, but for the effect's own parameters.
+    None where the law asks for more than is known; see `law_along`.
     """
-    given = {**known, **{a.name: 0.0 for a in one.card.amplitudes}}
-    given |= {one.card.amplitudes[0].name: 1.0, one.card.orders: 0.0}
-    law = one.laws[force]
+    chosen = {one.card.amplitudes[0].name: 1.0, one.card.orders: 0.0}
+    return law_along(one, force, known, scales, chosen, size)
+
+
+def law_along(
+    one: Effect,
+    force: str,
+    known: Mapping[str, Array | float],
+    scales: Scales,
+    chosen: Mapping[str, float],
+    size: int,
+) -> Array | None:
+    """Return (N,) one of an effect's laws; None where it asks for more than is known.
+
+    Of its own parameters some are `chosen`; other amplitudes are zero, and other shapes as they
+    start.  The states of its own are not known.
+    """
+    card, law = one.card, one.laws[force]
+    own: dict[str, float] = {a.name: 0.0 for a in card.amplitudes}
+    own |= {s.name: s.starts[0] * scales.size(s.scale) for s in card.shapes if s.starts}
+    given = {**known, **own, **chosen}
+    if not set(arguments(law)) <= given.keys():
+        return None
     found = law(*[given[name] for name in arguments(law)])
     return np.broadcast_to(np.asarray(found, dtype=float), (size,))
 

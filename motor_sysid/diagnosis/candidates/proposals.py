@@ -17,6 +17,7 @@ from motor_sysid.diagnosis.candidates.matched_filter import (
     carrier_of,
     fewest,
     highest,
+    law_along,
     Matched,
     TOP_ORDER,
 )
@@ -28,7 +29,7 @@ from motor_sysid.diagnosis.where.equation_errors import (
     unexplained,
 )
 from motor_sysid.estimation.batch import Linearization, Problem
-from motor_sysid.physics.effect import arguments, Effect
+from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.scales import Scales
 from motor_sysid.signals.record import Record
@@ -95,13 +96,13 @@ def proposals(
         card = one.card
         if not model.lacks(one):
             continue
-        if not (card.orders or card.moment or card.frequency):
+        force = next((f.name for f in model.kind.forces if f.name in one.laws), '')
+        if not force or not (card.orders or card.moment or card.frequency):
             continue
-        force = next(f.name for f in model.kind.forces if f.name in one.laws)
         if card.orders:
             there = _waves(model, one)
             most, clearest = matched().orders(one, ORDERS), matched().clearest(one)
-            lacking = _turning(one, force, lacks(force))
+            lacking = _turning(one, force, lacks(force), scales)
             orders = dict.fromkeys((*most, *clearest, *plain().orders(one, 1), *lacking))
             found[one.key] = tuple(float(n) for n in orders if not {n, 2 * n} & there)
         if card.moment:
@@ -113,7 +114,9 @@ def proposals(
     return found
 
 
-def _turning(one: Effect, force: str, lacks: Sequence[_Lack]) -> tuple[int, ...]:
+def _turning(
+    one: Effect, force: str, lacks: Sequence[_Lack], scales: Scales
+) -> tuple[int, ...]:
     """Return the waves per turn that stand out most of an unexplained force, if any do.
 
     What bends a slow motion only, and that much, is in the output error a slow wave at times,
@@ -121,14 +124,14 @@ def _turning(one: Effect, force: str, lacks: Sequence[_Lack]) -> tuple[int, ...]
     motor stalls, count no more than others.
     """
     total, energy = np.zeros(TOP_ORDER + 1, complex), np.zeros(TOP_ORDER + 1)
-    own = {p.name for p in one.card.parameters}
-    needed = {'theta', *arguments(one.laws[force])} - own
-    turning = [lack for lack in lacks if needed <= lack.known.keys()]
+    turning = [
+        (lack, carrier) for lack in lacks if 'theta' in lack.known
+        and (carrier := carrier_of(one, force, lack.known, scales, lack.time.size)) is not None
+    ]  # fmt: skip
     if not turning:
         return ()
-    size = CLIPPED * float(np.median(np.abs(np.concatenate([lack.force for lack in turning]))))
-    for lack in turning:
-        carrier = carrier_of(one, force, lack.known, lack.time.size)
+    size = CLIPPED * float(np.median(np.abs(np.concatenate([lack.force for lack, _ in turning]))))
+    for lack, carrier in turning:
         theta, step = np.asarray(lack.known['theta']), np.abs(np.asarray(lack.known['turn']))
         add_waves(theta, step, np.clip(lack.force, -size, size) * carrier, total)
         add_energy(*by_length(step, carrier**2), np.ones(2), energy)
@@ -177,13 +180,16 @@ def _moments(
     The law's column is what it would be from the start, cut off before the moment; so sums from
     the end give the gain of every moment at once.
     """
-    if not lacks:
+    settling = [
+        (lack, column) for lack in lacks
+        if (column := _column(one, force, lack, scales)) is not None
+    ]  # fmt: skip
+    if not settling:
         return ()
-    end = max(float(lack.time[-1]) for lack in lacks)
+    end = max(float(lack.time[-1]) for lack, _ in settling)
     moments = np.linspace(_EDGE * end, (1 - _EDGE) * end, _GRID)
     along, size = np.zeros(_GRID), np.full(_GRID, 1e-300)
-    for lack in lacks:
-        column = _column(one, force, lack, scales)
+    for lack, column in settling:
         place = np.minimum(np.searchsorted(lack.time, moments), column.size)
         along += _from_end(column * lack.force)[place]
         shared = _from_end(column[:, np.newaxis] * lack.basis)[place]
@@ -200,18 +206,14 @@ def _moments(
     return tuple(chosen)
 
 
-def _column(one: Effect, force: str, lack: _Lack, scales: Scales) -> Array:
-    """Return (N,) the law at its first amplitude of one, as if it had begun long ago."""
-    card = one.card
-    known: dict[str, Array | float] = {**lack.known}
-    known.update({a.name: 0.0 for a in card.amplitudes})
-    known.update({s.name: s.starts[0] * scales.size(s.scale) for s in card.shapes if s.starts})
-    known[card.amplitudes[0].name] = 1e-3
-    known[card.moment] = -1e6
-    law = one.laws[force]
-    values = law(*[known[n] for n in arguments(law)])
-    column: Array = 1e3 * np.broadcast_to(values, lack.time.shape)
-    return column
+def _column(one: Effect, force: str, lack: _Lack, scales: Scales) -> Array | None:
+    """Return (N,) the law at its first amplitude of one, as if it had begun long ago.
+
+    None where it asks for more than is known.
+    """
+    chosen = {one.card.amplitudes[0].name: 1e-3, one.card.moment: -1e6}
+    column = law_along(one, force, lack.known, scales, chosen, lack.time.size)
+    return None if column is None else 1e3 * column
 
 
 def _from_end(values: Array) -> Array:

@@ -76,7 +76,7 @@ def _choices(
         if isinstance(card, Amplitude):
             if card.trials:
                 grids.append([(card.name, t * size) for t in card.trials])
-        elif card.name in (one.card.orders, one.card.moment, one.card.frequency):
+        elif proposed and card.name in (one.card.orders, one.card.moment, one.card.frequency):
             grids.append([(card.name, float(value)) for value in proposed])
         elif isinstance(card, Shape) and card.name not in taken:
             grids.append([(card.name, s * size) for s in card.starts])

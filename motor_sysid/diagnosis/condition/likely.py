@@ -1,8 +1,9 @@
 """Which causes of the table agree with how parameters have moved.
 
 A cause says a direction; its size is fitted, and what is left is compared with a chi-square
-distribution.  All that are not rejected are told: where several explain the change, the record
-cannot tell them apart.  Where none does, pairs are tried.
+distribution.  So is what it takes away: a small change leaves little, whatever is said to have
+made it.  All that are not rejected are told: where several explain the change, the record cannot
+tell them apart.  Where none does, pairs are tried.
 """
 
 from collections.abc import Sequence
@@ -20,7 +21,8 @@ from motor_sysid.diagnosis.condition.drift import Drift
 Array = NDArray[np.float64]
 
 REJECTED = 0.01
-"""p-value below which a cause does not explain the change."""
+"""p-value of what is left below which a cause does not explain the change, and of what it takes
+away above which it has no part in it."""
 
 MOST = 4
 """Pairs that are told."""
@@ -68,19 +70,28 @@ def _explaining(sets: Sequence[tuple[Cause, ...]], drift: Drift) -> list[Likely]
     roles = [role_of(p) for p in drift.parameters]
     whiten = np.linalg.inv(np.linalg.cholesky(drift.covariance))
     target = whiten @ drift.change
+    sure = max(REJECTED, float(np.min(drift.p_values())))  # no cause is surer than the change
     found = []
     for causes in sets:
-        parts = [_columns(cause, roles) for cause in causes]
-        if not all(np.any(part) for part in parts):
-            continue
-        columns = np.concatenate(parts, axis=1)
-        columns = columns[:, np.any(columns, axis=0)]
-        sizes, left = nnls(whiten @ columns, target)
-        freedom = max(target.size - int(np.count_nonzero(sizes)), 0)
-        p_value = float(chi2.sf(left**2, freedom)) if freedom else 1.0
-        if p_value > REJECTED:
+        parts = [whiten @ _columns(cause, roles) for cause in causes]
+        left, used = _fitted(parts, target)
+        freedom = max(target.size - used, 0)
+        p_value = float(chi2.sf(left, freedom)) if freedom else 1.0
+        without = [_fitted(parts[:k] + parts[k + 1 :], target) for k in range(len(parts))]
+        idle = any(chi2.sf(more - left, max(used - less, 1)) > sure for more, less in without)
+        if p_value > REJECTED and not idle:
             found.append(Likely(causes, p_value, _words(causes, drift, roles)))
     return sorted(found, key=lambda one: -one.p_value)
+
+
+def _fitted(parts: Sequence[Array], target: Array) -> tuple[float, int]:
+    """Return the squares that causes leave of a change, and how many directions they take."""
+    columns = np.concatenate([np.empty((target.size, 0)), *parts], axis=1)
+    columns = columns[:, np.any(columns, axis=0)]
+    if not columns.size:
+        return float(target @ target), 0
+    sizes, left = nnls(columns, target)
+    return left**2, int(np.count_nonzero(sizes))
 
 
 def _columns(cause: Cause, roles: Sequence[str]) -> Array:

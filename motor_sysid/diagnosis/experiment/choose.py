@@ -1,6 +1,7 @@
 """Choose the experiment that separates fitted rivals, or informs one model's parameters."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 from motor_sysid.diagnosis.experiment import words
 from motor_sysid.diagnosis.experiment.determine import determine, Gain, weak_parameters
@@ -9,7 +10,9 @@ from motor_sysid.diagnosis.experiment.information import known
 from motor_sysid.diagnosis.experiment.limits import Limits, limits_of
 from motor_sysid.diagnosis.experiment.relax import would_help
 from motor_sysid.diagnosis.experiment.result import Experiment, Separation, Sharpening
+from motor_sysid.diagnosis.experiment.rivals import MOST
 from motor_sysid.diagnosis.experiment.stage import Stage, THOROUGH
+from motor_sysid.diagnosis.search.bench import prepared
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.record import Record
@@ -19,9 +22,6 @@ Tell = Callable[[str], None]
 QUICK, USUAL, FINE = 2_000, 4_000, 10_000
 """Most samples of a simulated experiment; a faster record is thinned out to that.  In a hurry,
 while experiments are compared, and when the best are proved."""
-
-MOST = 4
-"""Most rivals that are compared at once."""
 
 
 def suggest_experiment(
@@ -38,8 +38,8 @@ def suggest_experiment(
     Parameters
     ----------
     models:
-        Two to four rivals of one motor kind, fitted to the records; or one model, whose weak
-        parameters are asked for.
+        Two to four rivals of one motor kind, fitted to the records, and more are left out; or one
+        model, whose weak parameters are asked for.
     records:
         What they were fitted to.
     limits:
@@ -61,16 +61,18 @@ def suggest_experiment(
     UserError
         If a parameter is unknown, or the motor has more than one input.
     """
-    evens = [r.uniform() for r in ([records] if isinstance(records, Record) else records)]
-    models = tuple(models)[:MOST]
+    every, models = tuple(models), tuple(models)[:MOST]
     if not models or not any(m.parameters.free for m in models):
         return None
+    given = [records] if isinstance(records, Record) else records
+    evens = prepared(given, models[0].motor, models[0].parameters.values())
     limits = limits or limits_of(evens, models[0].kind)
     stage = Stage(models, evens, limits, QUICK if quick else USUAL)
     tell = progress or (lambda text: None)
     if len(models) > 1:
         fine = None if quick else Stage(models, evens, limits, FINE, THOROUGH)
-        return _separation(stage, discriminate(stage, fine, quick=quick, tell=tell), quick)
+        made = _separation(stage, discriminate(stage, fine, quick=quick, tell=tell), quick)
+        return replace(made, reasons=words.left_out(words.names(every)[MOST:]) + made.reasons)
     asked = tuple(parameters) or weak_parameters(models[0], known(stage, models[0]))
     _refuse(models[0], asked)
     return _determination(stage, determine(stage, asked, quick=quick, tell=tell), asked)

@@ -52,7 +52,7 @@ class Experiment:
     decides:
         Whether it is expected to decide what is open; False where no admissible experiment does.
     purpose:
-        What it is for: ``to tell A from B`` or ``to determine X``.
+        What it is for: ``to tell A from B``, ``to tell A, B and C apart`` or ``to determine X``.
     summary:
         One sentence: what it decides and after how long, or why nothing would.
     reasons:

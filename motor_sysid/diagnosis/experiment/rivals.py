@@ -1,6 +1,6 @@
 """Which models are rivals: named by the user, or by a diagnosis; and their fits."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.errors import UserError
@@ -11,6 +11,9 @@ from motor_sysid.signals.record import Record
 NONE = 'none'
 """The rival that has no effect more than the model."""
 
+MOST = 4
+"""Most rivals that are compared at once."""
+
 Sets = tuple[tuple[str, ...], ...]
 
 
@@ -20,15 +23,20 @@ def parse_rivals(texts: Sequence[str]) -> Sets:
     Raises
     ------
     UserError
-        If an effect is unknown, or fewer than two rivals are named.
+        If an effect is unknown, or fewer than two rivals are named, or more than `MOST`.
     """
-    sets = tuple(tuple(k for k in text.split('+') if k != NONE) for text in texts)
+    sets = _distinct([k for k in text.split('+') if k != NONE] for text in texts)
     for key in {key for one in sets for key in one}:
         effect(key)
-    if len(set(map(frozenset, sets))) < 2:
+    if len(sets) < 2:
         raise UserError(
             f'rivals {", ".join(texts)}: name at least two that differ; `{NONE}` is the model as '
             'it is, and `+` joins effects that belong together'
+        )
+    if len(sets) > MOST:
+        raise UserError(
+            f'{len(sets)} rivals: {", ".join(texts)}; no more than {MOST} are compared at once: '
+            'leave out those that are least likely'
         )
     return sets
 
@@ -36,7 +44,8 @@ def parse_rivals(texts: Sequence[str]) -> Sets:
 def rivals_of(document: Mapping[str, object]) -> Sets:
     """Return the rivals that a diagnosis (its JSON document) names; empty if there are none.
 
-    The first is what it would add; each further one has a confusable effect in its place.
+    The first is what it would add, or the best of what it tried where it adds nothing; each
+    further one has a confusable effect in its place.
 
     Raises
     ------
@@ -46,7 +55,8 @@ def rivals_of(document: Mapping[str, object]) -> Sets:
     chosen, candidates = document.get('effects'), document.get('candidates')
     if not isinstance(chosen, list) or not isinstance(candidates, list):
         raise UserError('no diagnosis: `effects` and `candidates` are missing')
-    first = tuple(str(key) for key in chosen)
+    passing = [str(one.get('effect')) for one in candidates if one.get('passes')]
+    first = tuple(str(key) for key in chosen or passing[:1])
     sets = [first]
     for one in candidates:
         key, others = str(one.get('effect')), one.get('confusable_with') or []
@@ -54,7 +64,13 @@ def rivals_of(document: Mapping[str, object]) -> Sets:
             sets += [
                 tuple(str(other) if k == key else k for k in first) for other in others
             ]
-    return tuple(sets) if len(sets) > 1 else ()
+    distinct = _distinct(sets)
+    return distinct if len(distinct) > 1 else ()
+
+
+def _distinct(sets: Iterable[Sequence[str]]) -> Sets:
+    """Return sets of effects, each once and with each effect once."""
+    return tuple({frozenset(one): tuple(dict.fromkeys(one)) for one in sets}.values())
 
 
 def fit_rivals(

@@ -8,6 +8,7 @@ from motor_sysid.diagnosis.experiment.determine import Gain, NOTHING
 from motor_sysid.diagnosis.experiment.discriminate import Found, Pair, SURE
 from motor_sysid.diagnosis.experiment.information import Knowledge
 from motor_sysid.diagnosis.experiment.limits import Limits
+from motor_sysid.diagnosis.experiment.rivals import MOST, NONE
 from motor_sysid.diagnosis.experiment.stage import Stage
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.physics.effects import effect
@@ -27,13 +28,13 @@ LOOSE = 0.2
 def names(models: Sequence[Model]) -> tuple[str, ...]:
     """Return a name for each rival: the keys of the effects that not all of them have."""
     shared = set.intersection(*(set(m.effects) for m in models))
-    return tuple('+'.join(k for k in m.effects if k not in shared) or 'none' for m in models)
+    return tuple('+'.join(k for k in m.effects if k not in shared) or NONE for m in models)
 
 
 def title(name: str) -> str:
     """Return the name of a rival for people."""
-    if name == 'none':
-        return 'nothing more'
+    if name == NONE:
+        return 'the model as it is'
     return ' with '.join(effect(key).card.title for key in name.split('+'))
 
 
@@ -41,8 +42,8 @@ def separated(found: Found, rivals: Sequence[str]) -> str:
     """Say what an experiment decides and after how long."""
     least = min(found.pairs.values())
     return (
-        f'separates {told_apart(rivals)}: expected dBIC {least:.0f} after '
-        f'{found.tried.profile.duration:.3g} s'
+        f'{"separates" if len(rivals) == 2 else "tells"} {told_apart(rivals)}: expected dBIC '
+        f'{least:.0f} after {found.tried.profile.duration:.3g} s'
     )
 
 
@@ -56,9 +57,17 @@ def not_separated(found: Found, rivals: Sequence[str]) -> str:
 
 
 def told_apart(rivals: Sequence[str]) -> str:
-    """Return ``A from B``, or ``A, B and C``."""
+    """Return ``A from B``, or ``A, B and C apart``."""
     titles = [title(name) for name in rivals]
-    return ' from '.join(titles) if len(titles) == 2 else listed(titles)
+    return ' from '.join(titles) if len(titles) == 2 else f'{listed(titles)} apart'
+
+
+def left_out(rivals: Sequence[str]) -> tuple[str, ...]:
+    """Say which rivals were left out, if any were."""
+    if not rivals:
+        return ()
+    verb, titles = 'is' if len(rivals) == 1 else 'are', listed(map(title, rivals))
+    return (f'Left out {verb} {titles}: no more than {MOST} rivals are compared at once.',)
 
 
 def doubts(found: Found, rivals: Sequence[str]) -> tuple[str, ...]:
@@ -85,8 +94,8 @@ def alike(stage: Stage, found: Found, rivals: Sequence[str]) -> tuple[str, ...]:
         what = f'{title(rivals[seen.rival])} with {moved}' if moved else title(rivals[seen.rival])
         if seen.distance < SAME:
             lines.append(
-                f'What a motor with {title(rivals[seen.truth])} does, the model of {what} does '
-                'as well, in every experiment tried: these two are one to the sensors.'
+                f'What {title(rivals[seen.truth])} does, {what} does as well, in every '
+                'experiment tried: these two are one to the sensors.'
             )
         else:
             lines.append(f'Closest to {title(rivals[seen.truth])} comes {what}.')

@@ -76,6 +76,9 @@ class Bench:
         `train_free` then `held_free`.
     scales:
         Typical sizes.
+    cuts:
+        Of each record its rows, without an idle end, and the share of them that is fitted; in the
+        order in which records were given, those of validation last.
     sensors:
         How the speed may be measured: more than one where the records do not tell.
     begun:
@@ -113,6 +116,7 @@ class Bench:
     horizon: float | None
     rough: tuple[Chain, ...] = ()
     few: tuple[Chain, ...] = ()
+    cuts: tuple[tuple[int, float], ...] = ()
     sensors: tuple[SpeedSensor, ...] = ()
     begun: Mapping[str, float] = field(default_factory=dict)
     blunt: Mapping[str, float] = field(default_factory=dict)
@@ -300,6 +304,7 @@ def make_bench(
         horizon,
         thinned(fitting, kind, outputs, ROUGH_ROWS),
         thinned(fitting, kind, outputs, FEW_ROWS),
+        tuple((len(r), share) for r, share in parts),
         sensors=_sensors(train, outputs),
         begun=begun,
         blunt=_widths(kind, train),

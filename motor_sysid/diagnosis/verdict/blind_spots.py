@@ -139,7 +139,7 @@ def _from_checks(records: Sequence[Record]) -> Iterator[_Found]:
 def _from_model(
     model: Model, records: Sequence[Record], vague: Sequence[str]
 ) -> Iterator[_Found]:
-    if 'i' not in model.kind.states and 'voltage' in records[0]:
+    if 'i' not in model.kind.states and 'voltage' in input_signals(records[0], model.kind):
         yield _Found(
             'no_current',
             'No current is measured: friction and inertia are seen in volts',

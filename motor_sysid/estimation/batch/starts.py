@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.physics.effect import arguments, Effect
 from motor_sysid.physics.model import Model
+from motor_sysid.physics.motors.base import Motor, Output
 
 Array = NDArray[np.float64]
 
@@ -30,39 +31,52 @@ def starts_of(
         Where the runs begin, as shown.
     """
     effects = [one for one in map(model.effect, model.effects) if not one.card.states]
-    undone = []
-    for output in model.kind.outputs:
-        name = f'{output.signal}_sensor'
-        sensing = [one for one in effects if name in one.laws]
-        if sensing:
-            low, high = (
-                sum(_added(one, name, table, {output.state: at}) for one in sensing)
-                for at in (0.0, 1.0)
-            )
-            place = model.kind.states.index(output.state)
-            undone.append((output.signal, place, low, 1.0 + high - low))
-    return [_begun(stretch, undone) for stretch in stretches]
+    sensing = [
+        (output, laws) for output in model.kind.outputs
+        if (laws := [one for one in effects if f'{output.signal}_sensor' in one.laws])
+    ]  # fmt: skip
+    return [_begun(model.kind, stretch, sensing, table) for stretch in stretches]
 
 
 def _begun(
-    stretch: Stretch, undone: Sequence[tuple[str, int, Array | float, Array | float]]
+    kind: Motor,
+    stretch: Stretch,
+    sensing: Sequence[tuple[Output, Sequence[Effect]]],
+    table: Mapping[str, Array],
 ) -> Array:
-    """Return where a stretch begins; `undone` are signal, state, offset and slope of sensors."""
+    """Return where a stretch begins; `sensing` are outputs with what adds to their sensors."""
     state = stretch.state
-    for signal, place, offset, slope in undone:
-        if place in stretch.open_states and signal in stretch.record:
-            begun = (stretch.state[place] - offset) / slope
+    for output, effects in sensing:
+        place = kind.states.index(output.state)
+        if place in stretch.open_states and output.signal in stretch.record:
+            known: dict[str, Array | float] = {**table, **_seen(kind, stretch)}
+            offset, high = (
+                _added(effects, output.signal, {**known, output.state: at}) for at in (0.0, 1.0)
+            )
+            begun = (stretch.state[place] - offset) / (1.0 + high - offset)
             state = np.tile(state, (np.size(begun), 1)) if state.ndim == 1 else state
             state[:, place] = begun
     return state
 
 
+def _seen(kind: Motor, stretch: Stretch) -> dict[str, float]:
+    """Return what laws see where a stretch begins, as it is shown."""
+    drive = stretch.drive
+    states = dict(zip(kind.states, stretch.state.tolist(), strict=True))
+    inputs = dict(zip(kind.arguments, drive.inputs[0].tolist(), strict=True))
+    told = {'theta': float(drive.position[0])} if drive.position.size else {}
+    turn = drive.dt * states.get('omega', 0.0)
+    return {'turn': turn, **states, **inputs, **told, 't': drive.start}
+
+
 def _added(
-    one: Effect, name: str, table: Mapping[str, Array], state: Mapping[str, float]
+    effects: Sequence[Effect], signal: str, known: Mapping[str, Array | float]
 ) -> Array | float:
-    """Return what a law of an effect adds to a reading at a state, for (P,) parameters."""
-    law = one.laws[name]
-    added: Array | float = law(
-        *[state[n] if n in state else table[f'{one.key}.{n}'] for n in arguments(law)]
-    )
-    return added
+    """Return what effects add to a reading, for (P,) parameters, but for laws that ask more."""
+    total: Array | float = 0.0
+    for one in effects:
+        law = one.laws[f'{signal}_sensor']
+        names = [f'{one.key}.{n}' if f'{one.key}.{n}' in known else n for n in arguments(law)]
+        if set(names) <= known.keys():
+            total = total + law(*[known[name] for name in names])
+    return total
