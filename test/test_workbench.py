@@ -1,6 +1,6 @@
 """The workbench: over HTTP, and with the mouse in a real browser."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr
 from http.client import HTTPConnection
 from io import StringIO
@@ -20,10 +20,14 @@ import numpy as np
 import pytest
 from ros_harness import wait_for
 
+from motor_sysid.cli import main
 from motor_sysid.diagnosis import Settings
 from motor_sysid.errors import UserError
 from motor_sysid.physics.store import load_model
+from motor_sysid.recording import load
 from motor_sysid.recording.save import write_record
+from motor_sysid.signals.record import Record
+from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.server import Workbench
 from motor_sysid.workbench.session import Session
 
@@ -31,6 +35,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 HIDDEN = {'coulomb_friction': {'tau_c': 0.012}}
+RUBBED_AND_LOADED = ['coulomb_friction', 'constant_load_torque']
 
 
 @pytest.fixture(scope='module')
@@ -104,6 +109,61 @@ def test_what_is_taken_away_and_added_again_is_as_good_as_before(bench: Workbenc
     taken = {c['effect']: c for c in view['steps'][number]['candidates']}['coulomb_friction']
     assert (taken['added'], taken['by_hand']) == (again['name'], True)
     assert view['verdict'] == json.loads(ask(bench, 'GET', '/view.json')[1])['verdict']
+
+
+def not_alike(folder: Path, loads: Sequence[float], gains: Sequence[float]) -> list[Record]:
+    """Return records of a motor whose load and supply are not the same in each."""
+    found = []
+    for k, (load_torque, gain) in enumerate(zip(loads, gains, strict=True)):
+        path = folder / f'{k}.csv'
+        call = ['simulate', '--effect', *RUBBED_AND_LOADED, '--rate', '200', '--duration', '6']
+        call += ['--set', f'constant_load_torque.tau_l={load_torque}', '--seed', str(k + 1)]
+        assert main([*call, '-o', str(path)]) == 0
+        (record,) = load(path).records
+        found.append(record.with_signal('voltage', gain * record['voltage'], 'V'))
+    return found
+
+
+@pytest.mark.parametrize(
+    ('loads', 'gains', 'shown'),
+    [
+        ((0.002, 0.002, 0.012, 0.002), (1.0, 1.0, 1.0, 1.0), 6),  # the third is left out
+        ((0.002, 0.002, 0.002), (1.0, 0.9, 1.0), 6),  # the supply of the second is made up for
+    ],
+)
+def test_what_is_done_by_hand_is_of_the_records_that_were_searched(
+    tmp_path: Path, loads: Sequence[float], gains: Sequence[float], shown: int
+) -> None:
+    records = not_alike(tmp_path, loads, gains)
+    session = Session(records, motor='brushed_dc', effects=RUBBED_AND_LOADED)
+    steps = session.diagnosis.steps
+    assert session.diagnosis.differences
+    assert len(session.diagnosis.records) == shown
+    key = steps[2].model.effects[1]
+    session.remove(2, key)
+    session.add(3, key)
+    less, again = session.view()['steps'][-2:]
+    for one, before in ((less, steps[1]), (again, steps[2])):
+        assert [e['key'] for e in one['effects']] == list(before.model.effects)
+        error = one['validation_error_percent']
+        assert error == pytest.approx(before.validation_error_percent, rel=0.05)
+
+
+def test_what_cannot_be_shown_leaves_the_session_as_it_was(
+    bench: Workbench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = bench.session
+    before = session.diagnosis, session.parents
+
+    def fail(*args: object, **named: object) -> View:
+        raise ValueError('operands could not be broadcast together')
+
+    step = session.diagnosis.steps[0]
+    monkeypatch.setattr('motor_sysid.workbench.session.one_round', lambda *given, **more: step)
+    monkeypatch.setattr('motor_sysid.workbench.session.build_view', fail)
+    with pytest.raises(ValueError, match='broadcast'):
+        bench.act('remove', 1, 'coulomb_friction')
+    assert (session.diagnosis, session.parents) == before
 
 
 def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: Path) -> None:
@@ -257,10 +317,10 @@ def slow(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Event]:
     go_on = Event()
     remove = bench.session.remove
 
-    def late(step: int, key: str) -> None:
+    def late(step: int, key: str) -> View:
         bench.doing = 'removing something'
         assert go_on.wait(30)
-        remove(step, key)
+        return remove(step, key)
 
     monkeypatch.setattr(bench.session, 'remove', late)
     yield go_on
