@@ -2,6 +2,7 @@
 
 from base64 import b64decode
 from collections.abc import Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
 import re
@@ -12,7 +13,7 @@ import fake_variants
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.result.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.workbench.report import write_report, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view
@@ -113,6 +114,21 @@ def test_stepping_through_the_models_shows_the_error_fall(opened: Watched, view:
     assert errors[0] in opened.text('#now')
     assert page.is_disabled('#back')
     assert page.evaluate('location.hash') == '#M0'
+
+
+@pytest.mark.parametrize('verdict', Verdict)
+def test_only_a_verdict_that_names_all_says_that_one_may_stop(
+    chromium: 'Browser', diagnosis: Diagnosis, tmp_path: Path, verdict: Verdict
+) -> None:
+    path = write_report(replace(diagnosis, verdict=verdict), tmp_path / 'report.html')
+    watched = Watched(chromium, path, '#M2')
+    ends = verdict in (Verdict.COMPLETE, Verdict.EFFECT_MISSING)
+    assert ('stop here' in watched.text('#now')) is ends
+    assert ('stop here' in watched.text('#missing')) is ends
+    assert ('No candidate of the catalogue improves it.' in watched.text('#now')) is not ends
+    assert watched.page.locator('#now .ok').count() == (2 if ends else 0)
+    assert watched.page.locator('#ladder .dot.ok').count() == ends
+    watched.context.close()
 
 
 def test_everything_follows_the_model(opened: Watched, view: View) -> None:

@@ -44,10 +44,10 @@ function drawWhy({reasons, warnings}, told) {
   $('ul', why).replaceChildren(...lines.slice(1).map((line) => el('li', {}, symbols(line))));
 }
 
-/** Whether a model is as good as its data: nothing improves it, and nothing but noise is left. */
+/** Whether a model is as good as its data, and the verdict says so: nothing improves it, and noise alone is left. */
 const settled = (view, s) => !s.candidates.some((c) => c.passes)
   && (view.verdict.key === 'complete'
-    || (s.times_floor !== null && s.times_floor <= 1.3 && view.verdict.key !== 'unknown_effect'));
+    || (view.verdict.key === 'effect_missing' && s.times_floor !== null && s.times_floor <= 1.3));
 
 const nothingPasses = (view, s) => (settled(view, s)
   ? ['No candidate improves it: ', el('b', {class: 'ok'}, 'stop here'), '.']
