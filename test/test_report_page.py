@@ -416,6 +416,16 @@ def test_what_differs_between_records_is_drawn(
     watched.context.close()
 
 
+def test_long_names_of_records_show_where_they_differ(opened: Watched) -> None:
+    long = ['a/velocity_profile_1.csv', 'b/velocity_profile_1.csv', 'velocity_profile_2.csv']
+    long += ['first_experiment/run.csv', 'second_experiment/run.csv', 'a/run.csv']
+    long += ['2026_10_01_afternoon_1/speed.csv', '2026_10_01_afternoon_2/speed.csv']
+    shown = opened.page.evaluate('names => names.map(fitting)', long)
+    assert len(set(shown)) == len(long)
+    assert max(map(len, shown)) <= 18
+    assert 'a/run.csv' in shown
+
+
 @pytest.fixture
 def unknown(chromium: 'Browser', tmp_path: Path) -> Iterator[Watched]:
     """Return the report of something unknown, open; nothing may have gone wrong by the end."""
