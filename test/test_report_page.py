@@ -25,7 +25,8 @@ pytest.importorskip('playwright.sync_api')
 
 SIZES = ((1600, 1000), (1280, 800), (820, 1180), (390, 844), (320, 640))
 VARIANTS = (
-    'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
+    'several_records', 'many_records', 'linear_axis', 'three_phases', 'awkward', 'tiny',
+    'unknown_shape',
 )  # fmt: skip
 
 
@@ -424,6 +425,46 @@ def test_long_names_of_records_show_where_they_differ(opened: Watched) -> None:
     assert len(set(shown)) == len(long)
     assert max(map(len, shown)) <= 18
     assert 'a/run.csv' in shown
+
+
+@pytest.fixture
+def many(chromium: 'Browser', tmp_path: Path) -> Iterator[Watched]:
+    """Return the report of many recordings, open; nothing may have gone wrong by the end."""
+    watched = Watched(chromium, write_report(fake_variants.many_records(), tmp_path / 'many.html'))
+    yield watched
+    assert watched.trouble == []
+    watched.context.close()
+
+
+def test_many_records_are_in_a_list(many: Watched) -> None:
+    assert '12 recordings: 0.csv, 1.csv, ...' in many.text('#source')
+    assert 'held out: 8.csv, 9.csv, 10.csv, 11.csv (4 s)' in many.text('#source')
+    buttons = many.page.locator('#stretches button')
+    assert buttons.all_inner_texts() == ['all', 'training', 'held out']
+    chosen = many.page.locator('#stretches select')
+    assert chosen.locator('option').count() == 13
+    assert chosen.locator('option:checked').inner_text() == 'one record'
+    chosen.focus()
+    chosen.select_option('3.csv \u00b7 training')
+    start, end = many.page.evaluate('[page.view.records[3].start, page.view.records[3].end]')
+    assert many.ranges()[0] == pytest.approx((start, end), abs=1e-3)
+    assert many.page.locator('#stretches [aria-pressed="true"]').count() == 0
+    assert many.page.evaluate('document.activeElement.tagName') == 'SELECT'
+    buttons.last.click()
+    assert chosen.locator('option:checked').inner_text() == 'one record'
+    assert buttons.last.get_attribute('aria-pressed') == 'true'
+
+
+def test_times_are_round_in_every_record(many: Watched) -> None:
+    """They are those since the start of the recording, wherever that lies on the axis."""
+    ticks = 'page.traces.times()'
+    for text in ('all', 'held out'):
+        many.page.click(f'#stretches button:has-text("{text}")')
+        shown = many.page.evaluate(ticks)
+        assert len(shown) > 5
+        assert all(float(one.removesuffix(' s')) % 0.25 == 0.0 for one in shown), shown
+    assert shown[0] == '0 s'
+    assert shown.count('0 s') == 4
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from base64 import b64decode
 from dataclasses import replace
 import hashlib
+from itertools import pairwise
 import json
 from pathlib import Path
 
@@ -15,17 +16,18 @@ import pytest
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
-from motor_sysid.signals.record import Provenance
-from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate
+from motor_sysid.signals.record import Provenance, Record
+from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate, lay_out
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.regimes import FEWEST, REGIMES
 from motor_sysid.workbench.report import asset, report_html, SCRIPTS, STYLES, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view, load_view, save_view
-from motor_sysid.workbench.words import short_names
+from motor_sysid.workbench.words import recordings, short_names
 
 VARIANTS = (
-    'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
+    'several_records', 'many_records', 'linear_axis', 'three_phases', 'awkward', 'tiny',
+    'unknown_shape',
 )  # fmt: skip
 
 
@@ -104,9 +106,34 @@ def test_separate_records_follow_with_a_gap_and_their_own_clock() -> None:
     assert [r['label'] for r in view['records']] == ['train_1.csv', 'train_2.csv', 'valid.csv']
     assert first['end'] < second['start'] < second['end'] < third['start']
     assert third['clock'] == third['start']
-    assert third['start'] == round(third['start'])
     assert view['held_out'] == 'held out: valid.csv (4 s)'
     assert view['first'] == 2  # something unknown remains: the page opens with the last model
+
+
+@pytest.mark.parametrize('count', [2, 20, 100])
+@pytest.mark.parametrize('role', ['train', 'validate'])
+def test_nearly_all_of_what_is_drawn_is_data(count: int, role: str) -> None:
+    time = np.arange(0, 10, 0.02)
+    records = [
+        Record(time, {'speed': 0 * time}, {'speed': 'rad/s'}, Provenance(f'{k}.csv'))
+        for k in range(count)
+    ]
+    parts = [record.split(0.2) for record in records]
+    held = lay_out([r for two in zip(*parts, strict=True) for r in two],
+                   ['train'] * count + ['validate'] * count, 6000)[count:]  # fmt: skip
+    whole = lay_out(records, [role] * count, 6000)
+    for stretches in (held, whole):
+        shown = sum(s.end - s.start for s in stretches)
+        assert shown > 0.97 * (stretches[-1].end - stretches[0].start)
+        assert all(a.end < b.start for a, b in pairwise(stretches))
+
+
+@pytest.mark.parametrize(
+    ('count', 'words'),
+    [(4, 'a/1.csv, a/2.csv, a/3.csv, a/4.csv'), (5, '5 recordings: a/1.csv, a/2.csv, ...')],
+)
+def test_many_recordings_are_counted(count: int, words: str) -> None:
+    assert recordings([f'a/{k + 1}.csv' for k in range(count)]) == words
 
 
 def from_sources(*sources: str) -> View:

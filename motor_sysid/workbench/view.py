@@ -34,6 +34,7 @@ from motor_sysid.workbench.words import (
     motor_title,
     named,
     number,
+    recordings,
     short_names,
     sources_of,
     verdict_title,
@@ -73,7 +74,7 @@ def build_view(
     return {
         'schema': SCHEMA,
         'actions': bool(effects),
-        'source': ', '.join(names.values()),
+        'source': recordings(list(names.values())),
         'motor': _motor(diagnosis),
         'held_out': held_out_words(records, diagnosis.roles),
         'verdict': _verdict(diagnosis, bench.titles),

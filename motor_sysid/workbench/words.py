@@ -23,6 +23,9 @@ VERDICTS: Mapping[Verdict, str] = {
 
 UNEVEN = 'The records are not of one motor and supply'
 
+MOST_NAMES = 4
+"""Recordings that are listed by name."""
+
 DIGITS = 6
 """Significant digits of a number in the view."""
 
@@ -89,6 +92,13 @@ def sources_of(records: Sequence[Record]) -> list[str]:
     return list(dict.fromkeys(record.provenance.source for record in records))
 
 
+def recordings(names: Sequence[str]) -> str:
+    """Name recordings, or say how many there are."""
+    if len(names) <= MOST_NAMES:
+        return ', '.join(names)
+    return f'{len(names)} recordings: {names[0]}, {names[1]}, ...'
+
+
 def held_out_words(records: Sequence[Record], roles: Sequence[str]) -> str:
     """Say which part of the data the errors are judged on."""
     held = [r for r, role in zip(records, roles, strict=True) if role == 'validate']
@@ -104,4 +114,4 @@ def held_out_words(records: Sequence[Record], roles: Sequence[str]) -> str:
         last = len(held) == 1 and all(r.time[-1] < held[0].time[0] for r in before)
         return f'held out: {"last " if last else ""}{seconds:.3g} s'
     names = short_names(sources_of(records))
-    return f'held out: {", ".join(names[source] for source in own)} ({seconds:.3g} s)'
+    return f'held out: {recordings([names[source] for source in own])} ({seconds:.3g} s)'
