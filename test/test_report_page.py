@@ -117,6 +117,31 @@ def test_stepping_through_the_models_shows_the_error_fall(opened: Watched, view:
     assert page.evaluate('location.hash') == '#M0'
 
 
+def test_keys_work_after_a_click_on_a_model_or_a_panel(opened: Watched) -> None:
+    page = opened.page
+    for selector in ('#stepper label:has-text("M0")', '#panels label:has-text("position")'):
+        page.click(selector)
+        page.keyboard.press('n')
+        assert page.evaluate('page.step') == 1
+        before = opened.ranges()[0]
+        page.keyboard.press('+')
+        assert np.ptp(opened.ranges()[0]) < np.ptp(before)
+        page.keyboard.press('0')
+        assert opened.ranges()[0] == pytest.approx(before)
+        page.keyboard.press('p')
+        assert page.evaluate('page.step') == 0
+    page.keyboard.press('+')
+    before = opened.ranges()[0]
+    page.keyboard.press('ArrowLeft')  # a checkbox has no use for it
+    assert opened.ranges()[0, 0] < before[0]
+    page.click('#stepper label:has-text("M0")')
+    page.keyboard.press('n')
+    before = opened.ranges()[0]
+    page.keyboard.press('ArrowRight')  # the radio buttons' own key, from the model shown
+    assert page.evaluate('page.step') == 2
+    assert opened.ranges()[0] == pytest.approx(before)
+
+
 @pytest.mark.parametrize('verdict', Verdict)
 def test_only_a_verdict_that_names_all_says_that_one_may_stop(
     chromium: 'Browser', diagnosis: Diagnosis, tmp_path: Path, verdict: Verdict

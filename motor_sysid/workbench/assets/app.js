@@ -168,9 +168,11 @@ function drawGhostKey() {
   $('#noise-key').hidden = !(channels.find((c) => c.key === primary)?.sigma > 0);
 }
 
+/** Keys of the page: not what is typed, nor arrows that choose a model or scroll a box. */
 function onKey(event) {
-  const taken = event.target.closest('input, select, textarea') || event.target.matches('.scroll');
-  if (taken || event.ctrlKey || event.metaKey || event.altKey) return;
+  const types = event.target.closest('select, textarea, input:not([type="radio"], [type="checkbox"])');
+  const moves = event.key.startsWith('Arrow') && event.target.matches('.scroll, [type="radio"]');
+  if (types || moves || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === 'n' || event.key === 'N') pickByHand(page.step + 1);
   else if (event.key === 'p' || event.key === 'P') pickByHand(page.step - 1);
   else page.traces.key(event);

@@ -171,6 +171,7 @@ function drawStepper(view, step, onPick) {
   box.querySelectorAll('input').forEach((input, k) => {
     input.checked = k === step;
   });
+  if (box.contains(document.activeElement)) $(':checked', box).focus();
   $('.steps').classList.toggle('single', view.steps.length < 2);
   $('#back').disabled = step === 0;
   $('#forward').disabled = step === view.steps.length - 1;
