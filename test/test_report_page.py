@@ -512,6 +512,23 @@ def test_something_unknown_is_shown_with_its_axis_and_shape(unknown: Watched) ->
     assert 'It turns one way only. Record both.' in unknown.text('#blind')
 
 
+@pytest.mark.parametrize('verdict', Verdict)
+def test_what_is_near_is_no_explanation_where_nothing_is_named(
+    chromium: 'Browser', diagnosis: Diagnosis, tmp_path: Path, verdict: Verdict
+) -> None:
+    found = replace(diagnosis, verdict=verdict, steps=diagnosis.steps[:1])
+    watched = Watched(chromium, write_report(found, tmp_path / 'report.html'))
+    named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
+    assert ('Best explanation: Coulomb friction' in watched.text('#now')) is named
+    near = 'Nearest, but not enough to be named: Coulomb friction, error'
+    assert (near in watched.text('#now')) is not named
+    assert ('None of these is enough to be named' in watched.text('#missing')) is not named
+    ranks = watched.page.locator('.candidates .rank').all_inner_texts()
+    assert ranks[:3] == (['1', '2', '\u2013'] if named else ['\u2013'] * 3)
+    assert watched.page.locator('.candidates .good').count() == (2 if named else 0)
+    watched.context.close()
+
+
 def test_the_map_can_show_each_channel_and_each_equation(unknown: Watched) -> None:
     page = unknown.page
     picker = page.locator('#map-title select')

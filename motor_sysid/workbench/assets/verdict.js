@@ -64,13 +64,17 @@ function drawNow(view, step) {
   const best = bestOf(s);
   if (best) {
     const change = Math.round(100 * (best.validation_error_percent / s.validation_error_percent - 1));
-    parts.push('Best explanation: ', el('b', {}, cap(best.title)),
+    parts.push(explains(view, step) ? 'Best explanation: ' : 'Nearest, but not enough to be named: ', el('b', {}, cap(best.title)),
       Number.isFinite(change) ? `, error ${change > 0 ? '+' : MINUS}${Math.abs(change)} %.` : '.');
   } else if (s.candidates.length) {
     parts.push(...nothingPasses(view, s));
   }
   $('#now').replaceChildren(...parts);
 }
+
+/** Whether what passes on a model is an explanation. Where the verdict names nothing, it is only near. */
+const explains = ({verdict, last}, step) => ['effect_missing', 'ambiguous'].includes(verdict.key)
+  || (verdict.key === 'complete' && step > last);
 
 /** The candidate that was taken, else the best that passes; what was added by hand need not be good. */
 const bestOf = (s) => s.candidates.find((c) => c.added && (c.passes || !c.by_hand)) || s.candidates.find((c) => c.passes);
