@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr
+from dataclasses import replace
 from http.client import HTTPConnection
 from io import StringIO
 import json
@@ -16,6 +17,7 @@ from typing import TYPE_CHECKING
 from urllib.request import urlopen
 
 from bench_motor import a_motor, measure, voltage_profile
+from fake_diagnosis import build_diagnosis
 import numpy as np
 import pytest
 from ros_harness import wait_for
@@ -30,6 +32,7 @@ from motor_sysid.signals.record import Record
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.server import Workbench
 from motor_sysid.workbench.session import Session
+from motor_sysid.workbench.view import build_view
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -183,6 +186,8 @@ def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: Path) -> N
         ('add', 99, 'cogging_torque', 'there is no model M99'),
         ('add', 0, 'flux', 'flux'),
         ('add', 1, 'quadratic_drag', 'quadratic drag cannot be fitted: unphysical sign'),
+        ('add', 1, 'periodic_load', 'cannot be added: no frequency stands out of the data'),
+        ('add', 1, 'cogging_torque_2', 'set 2 cannot be added: cogging torque comes first'),
         ('remove', 0, 'cogging_torque', 'M0 has no effect `cogging_torque`; it has none'),
     ],
 )
@@ -194,6 +199,20 @@ def test_what_cannot_be_is_said(
     assert status == 409
     assert words in why.decode()
     assert bench.state == before
+
+
+def test_only_what_a_model_has_room_for_is_offered() -> None:
+    """A further set of waves comes after the first, and a model has its effects' special cases."""
+    keys = ['cogging_torque', 'cogging_torque_2', 'cogging_torque_3', 'coulomb_friction',
+            'stribeck_friction', 'current_sensor_offset', 'periodic_load']  # fmt: skip
+    whole = build_diagnosis(5.0)
+    waves = whole.steps[0].model.with_effect('cogging_torque').with_effect('stribeck_friction')
+    steps = (whole.steps[0], replace(whole.steps[1], model=waves))
+    view = build_view(replace(whole, steps=steps), effects=keys)
+    assert [step['addable'] for step in view['steps']] == [
+        ['cogging_torque', 'coulomb_friction', 'stribeck_friction', 'periodic_load'],
+        ['cogging_torque_2', 'periodic_load'],
+    ]
 
 
 def test_one_change_at_a_time(bench: Workbench) -> None:

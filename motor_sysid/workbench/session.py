@@ -117,13 +117,8 @@ class Session:
         return steps[step].model
 
     def _view_of(self, diagnosis: Diagnosis, parents: tuple[int, ...]) -> View:
-        base = diagnosis.steps[0].model
-        return build_view(
-            diagnosis,
-            effects=[k for k in self._effects if base.admits(base.kind.taking(effect(k)))],
-            parents=parents,
-            last=self._found - 1,
-        )
+        last = self._found - 1
+        return build_view(diagnosis, effects=self._effects, parents=parents, last=last)
 
     def _go_on(self, parent: int, model: Model) -> View:
         """Fit a model, try every candidate on it, and keep both once they can be shown."""

@@ -56,7 +56,8 @@ def build_view(
     diagnosis:
         What was found; its records become one time axis with the held-out stretch in focus.
     effects:
-        Keys of the effects that the page may ask to add, where something answers.
+        Keys of the effects that the page may ask to add where a model has room for them, if
+        something answers.
     parents:
         For each step the index of the one that it was made from, -1 for none; by default the one
         before it.
@@ -90,7 +91,7 @@ def build_view(
         'effects': [{'key': key, 'title': effect(key).card.title} for key in effects],
         'regimes': None if bench.regimes is None else _regimes(bench.regimes, stretches),
         'map': None if bench.grid is None else _map(bench.grid, bench),
-        'steps': [step_view(index, bench) for index in range(len(diagnosis.steps))],
+        'steps': [step_view(index, bench, effects) for index in range(len(diagnosis.steps))],
     }
 
 

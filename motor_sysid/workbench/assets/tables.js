@@ -49,10 +49,11 @@ function makeCandidates(view, onAct) {
     box.replaceChildren(...parts);
   }
 
-  /** Whatever the data say for it, any effect can be added. */
+  /** Whatever the data say for it, any effect that the model has room for can be added. */
   function anyOther() {
-    const own = view.steps[step].effects.map((e) => e.key);
-    const choice = el('select', {'aria-label': 'Effect to add'}, view.effects.filter((e) => !own.includes(e.key))
+    const {addable} = view.steps[step];
+    if (!addable.length) return '';
+    const choice = el('select', {'aria-label': 'Effect to add'}, view.effects.filter((e) => addable.includes(e.key))
       .map((e) => el('option', {value: e.key}, e.title)));
     return el('p', {class: 'other'}, 'any other: ', choice, ' ',
       actButton({'data-hold': 'add any other', onclick: () => onAct('add', choice.value)}, 'Add'));
