@@ -6,6 +6,7 @@ from dataclasses import replace
 from http.client import HTTPConnection
 from io import StringIO
 import json
+import os
 from pathlib import Path
 import re
 import signal
@@ -485,16 +486,27 @@ def test_the_verb_serves_until_it_is_interrupted(tmp_path: Path) -> None:
     data = tmp_path / 'drive.csv'
     write_record(record, data)
     call = [sys.executable, '-m', 'motor_sysid.cli', 'workbench', str(data), '--port', '0']
-    call += ['--effects', 'coulomb_friction', '--json', str(tmp_path / 'found.json')]
-    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+    call += ['--effects', 'coulomb_friction', '--json', str(tmp_path / 'found.json'), '--open']
+    browser, shown, closed = (tmp_path / name for name in ('browser', 'shown', 'closed'))
+    browser.write_text(  # it runs in the foreground
+        f'#!/bin/sh\necho "$1" > {shown}\n'
+        f'for i in $(seq 600); do test -e {closed} && exit; sleep 0.1; done\n'
+    )
+    browser.chmod(0o755)
+    with subprocess.Popen(
+        call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, 'BROWSER': str(browser)},
+    ) as run:  # fmt: skip
         assert run.stdout is not None
         told = next(line for line in run.stdout if line.startswith('workbench: '))
         address = told.split()[1]
-        with urlopen(f'{address}view.json') as answer:
-            assert json.load(answer)['verdict']['key'] == 'complete'
-        run.send_signal(signal.SIGINT)
         try:
+            with urlopen(f'{address}view.json', timeout=10) as answer:
+                assert json.load(answer)['verdict']['key'] == 'complete'
+            wait_for(lambda: shown.exists() and shown.read_text() == f'{address}\n', 'the browser')
+            run.send_signal(signal.SIGINT)
             assert run.wait(timeout=10) == 0
         finally:
+            closed.touch()
             run.kill()
     assert json.loads((tmp_path / 'found.json').read_text())['verdict'] == 'complete'
