@@ -416,6 +416,17 @@ def test_keys_work_wherever_nothing_else_takes_them(opened: 'Page') -> None:
     assert opened.evaluate('page.step') == 1
 
 
+def test_paper_has_no_controls(opened: 'Page') -> None:
+    opened.click('#model-table button:has-text("M1")')
+    controls = opened.locator('#keep, .other, button.act')
+    assert controls.count() > 3
+    assert controls.first.is_visible()
+    opened.evaluate('dispatchEvent(new Event("beforeprint"))')
+    assert not any(one.is_visible() for one in controls.all())
+    opened.evaluate('dispatchEvent(new Event("afterprint"))')
+    assert all(one.is_visible() for one in controls.all())
+
+
 def test_a_reload_shows_the_same_model_in_the_same_light(opened: 'Page') -> None:
     opened.click('#model-table button:has-text("M1")')
     opened.click('#theme')
