@@ -14,6 +14,7 @@ import numpy as np
 import pytest
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.signals.record import Provenance
 from motor_sysid.workbench.report import write_report, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view
@@ -478,6 +479,21 @@ def test_many_records_are_in_a_list(many: Watched) -> None:
     buttons.last.click()
     assert chosen.locator('option:checked').inner_text() == 'one record'
     assert buttons.last.get_attribute('aria-pressed') == 'true'
+
+
+@pytest.mark.parametrize('width', [1600, 320])
+def test_long_names_in_the_list_do_not_widen_the_page(
+    chromium: 'Browser', tmp_path: Path, width: int
+) -> None:
+    found = fake_variants.many_records()
+    records = tuple(
+        replace(record, provenance=Provenance(f'{"what_it_was_about_" * 4}{k}.csv'))
+        for k, record in enumerate(found.records)
+    )
+    path = write_report(replace(found, records=records), tmp_path / 'many.html')
+    watched = Watched(chromium, path, viewport={'width': width, 'height': 800})
+    assert watched.page.evaluate('document.documentElement.scrollWidth') <= width
+    watched.context.close()
 
 
 def test_times_are_round_in_every_record(many: Watched) -> None:
