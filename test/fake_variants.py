@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from fake_diagnosis import build_diagnosis
 import numpy as np
@@ -48,6 +49,28 @@ def several_records() -> Diagnosis:
         experiment={'what': 'hold 20 rad/s for 30 s', 'why': 'to see whether it is periodic'},
         differences=(of_the_load(sources),),
     )  # fmt: skip
+
+
+def many_records(count: int = 12) -> Diagnosis:
+    """Return the usual diagnosis with its data in many recordings, a third of them held out."""
+    whole = build_diagnosis(20.0)
+    fitted = count - count // 3
+    edges = [np.linspace(0, len(r), n + 1).astype(int).tolist()
+             for r, n in zip(whole.records, (fitted, count - fitted), strict=True)]  # fmt: skip
+    cuts = [(k, slice(a, b)) for k, own in enumerate(edges) for a, b in pairwise(own)]
+    records = tuple(
+        replace(whole.records[k].slice(rows.start, rows.stop), provenance=Provenance(f'{n}.csv'))
+        for n, (k, rows) in enumerate(cuts)
+    )
+    steps = tuple(
+        replace(step, predictions=tuple(
+            {name: values[rows] for name, values in step.predictions[k].items()}
+            for k, rows in cuts
+        ))
+        for step in whole.steps
+    )  # fmt: skip
+    roles = tuple(whole.roles[k] for k, _ in cuts)
+    return replace(whole, records=records, roles=roles, steps=steps)
 
 
 def of_the_load(sources: Sequence[str]) -> Difference:

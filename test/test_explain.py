@@ -236,6 +236,39 @@ def test_what_is_not_named_is_told_with_the_reason():
     assert 'would explain a part of it (tau_c = 6 mN m; held-out error 90 to 40 %' in part
 
 
+@pytest.mark.parametrize(
+    ('left', 'says'),
+    [
+        (
+            Remainder({}, 1.0, 4.0, 4.0, 0.9),
+            'the held-out error is 90 %, at best 40 % with what it holds, 4.0 times the sensor '
+            'noise in one channel, and the motion predicts 90 % of the squared error of a '
+            'channel.',
+        ),
+        (
+            Remainder({}, 1.0, 4.0, 1.04, 1.0, short=True),
+            'the held-out error is 90 %, at best 40 % with what it holds, and these data are too '
+            'short to tell how much of it the motion predicts.',
+        ),
+    ],
+)
+def test_how_much_is_unknown_is_told_as_far_as_it_is_known(left, says):
+    lines = words.unknown([step(fitted({}), 90.0), step(with_friction({}), 40.0)], left, ())
+    assert lines[0].endswith(says)
+    assert any('no axis' in line for line in lines) is left.structured
+
+
+def test_what_remains_about_as_large_as_the_noise_is_no_multiple_of_it():
+    steps = [step(fitted({}), 9.0), step(with_friction({}), 2.0)]
+
+    def remains(over: float) -> str:
+        left = Remainder({}, 1.0, 5.0, over, 0.9, unevenness=9.0)
+        return next(x for x in words.named(steps, left, (), (), ()) if 'smaller' in x)
+
+    assert 'the error is still 2.0 times the sensor noise and the motion' in remains(2.0)
+    assert remains(1.04).startswith('A smaller effect remains: the motion predicts 90 %')
+
+
 # --- blind spots ---------------------------------------------------------------------------
 
 

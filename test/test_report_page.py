@@ -2,6 +2,7 @@
 
 from base64 import b64decode
 from collections.abc import Iterator
+from dataclasses import replace
 import os
 from pathlib import Path
 import re
@@ -12,7 +13,8 @@ import fake_variants
 import numpy as np
 import pytest
 
-from motor_sysid.diagnosis.result.result import Diagnosis
+from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
+from motor_sysid.signals.record import Provenance
 from motor_sysid.workbench.report import write_report, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view
@@ -24,7 +26,8 @@ pytest.importorskip('playwright.sync_api')
 
 SIZES = ((1600, 1000), (1280, 800), (820, 1180), (390, 844), (320, 640))
 VARIANTS = (
-    'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
+    'several_records', 'many_records', 'linear_axis', 'three_phases', 'awkward', 'tiny',
+    'unknown_shape',
 )  # fmt: skip
 
 
@@ -113,6 +116,46 @@ def test_stepping_through_the_models_shows_the_error_fall(opened: Watched, view:
     assert errors[0] in opened.text('#now')
     assert page.is_disabled('#back')
     assert page.evaluate('location.hash') == '#M0'
+
+
+def test_keys_work_after_a_click_on_a_model_or_a_panel(opened: Watched) -> None:
+    page = opened.page
+    for selector in ('#stepper label:has-text("M0")', '#panels label:has-text("position")'):
+        page.click(selector)
+        page.keyboard.press('n')
+        assert page.evaluate('page.step') == 1
+        before = opened.ranges()[0]
+        page.keyboard.press('+')
+        assert np.ptp(opened.ranges()[0]) < np.ptp(before)
+        page.keyboard.press('0')
+        assert opened.ranges()[0] == pytest.approx(before)
+        page.keyboard.press('p')
+        assert page.evaluate('page.step') == 0
+    page.keyboard.press('+')
+    before = opened.ranges()[0]
+    page.keyboard.press('ArrowLeft')  # a checkbox has no use for it
+    assert opened.ranges()[0, 0] < before[0]
+    page.click('#stepper label:has-text("M0")')
+    page.keyboard.press('n')
+    before = opened.ranges()[0]
+    page.keyboard.press('ArrowRight')  # the radio buttons' own key, from the model shown
+    assert page.evaluate('page.step') == 2
+    assert opened.ranges()[0] == pytest.approx(before)
+
+
+@pytest.mark.parametrize('verdict', Verdict)
+def test_only_a_verdict_that_names_all_says_that_one_may_stop(
+    chromium: 'Browser', diagnosis: Diagnosis, tmp_path: Path, verdict: Verdict
+) -> None:
+    path = write_report(replace(diagnosis, verdict=verdict), tmp_path / 'report.html')
+    watched = Watched(chromium, path, '#M2')
+    ends = verdict in (Verdict.COMPLETE, Verdict.EFFECT_MISSING)
+    assert ('stop here' in watched.text('#now')) is ends
+    assert ('stop here' in watched.text('#missing')) is ends
+    assert ('No candidate of the catalogue improves it.' in watched.text('#now')) is not ends
+    assert watched.page.locator('#now .ok').count() == (2 if ends else 0)
+    assert watched.page.locator('#ladder .dot.ok').count() == ends
+    watched.context.close()
 
 
 def test_everything_follows_the_model(opened: Watched, view: View) -> None:
@@ -400,6 +443,71 @@ def test_what_differs_between_records_is_drawn(
     watched.context.close()
 
 
+def test_long_names_of_records_show_where_they_differ(opened: Watched) -> None:
+    long = ['a/velocity_profile_1.csv', 'b/velocity_profile_1.csv', 'velocity_profile_2.csv']
+    long += ['first_experiment/run.csv', 'second_experiment/run.csv', 'a/run.csv']
+    long += ['2026_10_01_afternoon_1/speed.csv', '2026_10_01_afternoon_2/speed.csv']
+    shown = opened.page.evaluate('names => names.map(fitting)', long)
+    assert len(set(shown)) == len(long)
+    assert max(map(len, shown)) <= 18
+    assert 'a/run.csv' in shown
+
+
+@pytest.fixture
+def many(chromium: 'Browser', tmp_path: Path) -> Iterator[Watched]:
+    """Return the report of many recordings, open; nothing may have gone wrong by the end."""
+    watched = Watched(chromium, write_report(fake_variants.many_records(), tmp_path / 'many.html'))
+    yield watched
+    assert watched.trouble == []
+    watched.context.close()
+
+
+def test_many_records_are_in_a_list(many: Watched) -> None:
+    assert '12 recordings: 0.csv, 1.csv, ...' in many.text('#source')
+    assert 'held out: 8.csv, 9.csv, 10.csv, 11.csv (4 s)' in many.text('#source')
+    buttons = many.page.locator('#stretches button')
+    assert buttons.all_inner_texts() == ['all', 'training', 'held out']
+    chosen = many.page.locator('#stretches select')
+    assert chosen.locator('option').count() == 13
+    assert chosen.locator('option:checked').inner_text() == 'one record'
+    chosen.focus()
+    chosen.select_option('3.csv \u00b7 training')
+    start, end = many.page.evaluate('[page.view.records[3].start, page.view.records[3].end]')
+    assert many.ranges()[0] == pytest.approx((start, end), abs=1e-3)
+    assert many.page.locator('#stretches [aria-pressed="true"]').count() == 0
+    assert many.page.evaluate('document.activeElement.tagName') == 'SELECT'
+    buttons.last.click()
+    assert chosen.locator('option:checked').inner_text() == 'one record'
+    assert buttons.last.get_attribute('aria-pressed') == 'true'
+
+
+@pytest.mark.parametrize('width', [1600, 320])
+def test_long_names_in_the_list_do_not_widen_the_page(
+    chromium: 'Browser', tmp_path: Path, width: int
+) -> None:
+    found = fake_variants.many_records()
+    records = tuple(
+        replace(record, provenance=Provenance(f'{"what_it_was_about_" * 4}{k}.csv'))
+        for k, record in enumerate(found.records)
+    )
+    path = write_report(replace(found, records=records), tmp_path / 'many.html')
+    watched = Watched(chromium, path, viewport={'width': width, 'height': 800})
+    assert watched.page.evaluate('document.documentElement.scrollWidth') <= width
+    watched.context.close()
+
+
+def test_times_are_round_in_every_record(many: Watched) -> None:
+    """They are those since the start of the recording, wherever that lies on the axis."""
+    ticks = 'page.traces.times()'
+    for text in ('all', 'held out'):
+        many.page.click(f'#stretches button:has-text("{text}")')
+        shown = many.page.evaluate(ticks)
+        assert len(shown) > 5
+        assert all(float(one.removesuffix(' s')) % 0.25 == 0.0 for one in shown), shown
+    assert shown[0] == '0 s'
+    assert shown.count('0 s') == 4
+
+
 @pytest.fixture
 def unknown(chromium: 'Browser', tmp_path: Path) -> Iterator[Watched]:
     """Return the report of something unknown, open; nothing may have gone wrong by the end."""
@@ -418,6 +526,23 @@ def test_something_unknown_is_shown_with_its_axis_and_shape(unknown: Watched) ->
     assert unknown.text('.axis-share.best').split() == ['speed', '93', '%']
     unknown.page.click('#blind summary')
     assert 'It turns one way only. Record both.' in unknown.text('#blind')
+
+
+@pytest.mark.parametrize('verdict', Verdict)
+def test_what_is_near_is_no_explanation_where_nothing_is_named(
+    chromium: 'Browser', diagnosis: Diagnosis, tmp_path: Path, verdict: Verdict
+) -> None:
+    found = replace(diagnosis, verdict=verdict, steps=diagnosis.steps[:1])
+    watched = Watched(chromium, write_report(found, tmp_path / 'report.html'))
+    named = verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS)
+    assert ('Best explanation: Coulomb friction' in watched.text('#now')) is named
+    near = 'Nearest, but not enough to be named: Coulomb friction, error'
+    assert (near in watched.text('#now')) is not named
+    assert ('None of these is enough to be named' in watched.text('#missing')) is not named
+    ranks = watched.page.locator('.candidates .rank').all_inner_texts()
+    assert ranks[:3] == (['1', '2', '\u2013'] if named else ['\u2013'] * 3)
+    assert watched.page.locator('.candidates .good').count() == (2 if named else 0)
+    watched.context.close()
 
 
 def test_the_map_can_show_each_channel_and_each_equation(unknown: Watched) -> None:

@@ -3,6 +3,7 @@
 from base64 import b64decode
 from dataclasses import replace
 import hashlib
+from itertools import pairwise
 import json
 from pathlib import Path
 
@@ -15,16 +16,18 @@ import pytest
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
-from motor_sysid.signals.record import Provenance
-from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate
+from motor_sysid.signals.record import Provenance, Record
+from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate, lay_out
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.regimes import FEWEST, REGIMES
 from motor_sysid.workbench.report import asset, report_html, SCRIPTS, STYLES, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view, load_view, save_view
+from motor_sysid.workbench.words import recordings, short_names
 
 VARIANTS = (
-    'several_records', 'linear_axis', 'three_phases', 'awkward', 'tiny', 'unknown_shape',
+    'several_records', 'many_records', 'linear_axis', 'three_phases', 'awkward', 'tiny',
+    'unknown_shape',
 )  # fmt: skip
 
 
@@ -103,9 +106,73 @@ def test_separate_records_follow_with_a_gap_and_their_own_clock() -> None:
     assert [r['label'] for r in view['records']] == ['train_1.csv', 'train_2.csv', 'valid.csv']
     assert first['end'] < second['start'] < second['end'] < third['start']
     assert third['clock'] == third['start']
-    assert third['start'] == round(third['start'])
     assert view['held_out'] == 'held out: valid.csv (4 s)'
     assert view['first'] == 2  # something unknown remains: the page opens with the last model
+
+
+@pytest.mark.parametrize('count', [2, 20, 100])
+@pytest.mark.parametrize('role', ['train', 'validate'])
+def test_nearly_all_of_what_is_drawn_is_data(count: int, role: str) -> None:
+    time = np.arange(0, 10, 0.02)
+    records = [
+        Record(time, {'speed': 0 * time}, {'speed': 'rad/s'}, Provenance(f'{k}.csv'))
+        for k in range(count)
+    ]
+    parts = [record.split(0.2) for record in records]
+    held = lay_out([r for two in zip(*parts, strict=True) for r in two],
+                   ['train'] * count + ['validate'] * count, 6000)[count:]  # fmt: skip
+    whole = lay_out(records, [role] * count, 6000)
+    for stretches in (held, whole):
+        shown = sum(s.end - s.start for s in stretches)
+        assert shown > 0.97 * (stretches[-1].end - stretches[0].start)
+        assert all(a.end < b.start for a, b in pairwise(stretches))
+
+
+@pytest.mark.parametrize(
+    ('count', 'words'),
+    [(4, 'a/1.csv, a/2.csv, a/3.csv, a/4.csv'), (5, '5 recordings: a/1.csv, a/2.csv, ...')],
+)
+def test_many_recordings_are_counted(count: int, words: str) -> None:
+    assert recordings([f'a/{k + 1}.csv' for k in range(count)]) == words
+
+
+def from_sources(*sources: str) -> View:
+    """Return the view of records of these sources, the last of which is held out."""
+    whole = fake_variants.several_records()
+    records = tuple(
+        replace(record, provenance=Provenance(source))
+        for record, source in zip(whole.records, sources, strict=True)
+    )
+    differences = (fake_variants.of_the_load(sources),)
+    return build_view(replace(whole, records=records, differences=differences))
+
+
+def test_records_of_one_file_name_are_told_apart_by_their_folders() -> None:
+    view = from_sources('logs/d1/run.csv', 'logs/d2/run.csv', 'logs/d3/run.csv')
+    names = ['d1/run.csv', 'd2/run.csv', 'd3/run.csv']
+    assert [r['label'] for r in view['records']] == names
+    assert view['source'] == 'd1/run.csv, d2/run.csv, d3/run.csv'
+    assert view['held_out'] == 'held out: d3/run.csv (4 s)'
+    (one,) = view['verdict']['differences']
+    assert [each['record'] for each in one['values']] == names
+
+
+def test_what_is_held_out_is_the_last_of_a_recording_or_another_one() -> None:
+    assert from_sources('a/x.csv', 'b/x.csv', 'b/x.csv')['held_out'] == 'held out: last 4 s'
+    assert from_sources('a/x.csv', 'b/x.csv', 'x.csv')['held_out'] == 'held out: x.csv (4 s)'
+
+
+@pytest.mark.parametrize(
+    ('sources', 'names'),
+    [
+        (['a/run.csv'], ['run.csv']),
+        (['a/1/x.csv', 'a/2/x.csv', 'y.csv'], ['1/x.csv', '2/x.csv', 'y.csv']),
+        (['x.csv', 'a/x.csv', '/b/a/x.csv'], ['x.csv', 'a/x.csv', 'b/a/x.csv']),
+        (['', 'x.csv'], ['record', 'x.csv']),
+    ],
+)
+def test_names_are_as_short_as_they_can_be(sources: list[str], names: list[str]) -> None:
+    assert list(short_names(sources).values()) == names
 
 
 def test_errors_are_measured_minus_model(diagnosis: Diagnosis, view: View) -> None:

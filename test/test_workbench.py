@@ -1,10 +1,12 @@
 """The workbench: over HTTP, and with the mouse in a real browser."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import redirect_stderr
+from dataclasses import replace
 from http.client import HTTPConnection
 from io import StringIO
 import json
+import os
 from pathlib import Path
 import re
 import signal
@@ -16,21 +18,28 @@ from typing import TYPE_CHECKING
 from urllib.request import urlopen
 
 from bench_motor import a_motor, measure, voltage_profile
+from fake_diagnosis import build_diagnosis
 import numpy as np
 import pytest
 from ros_harness import wait_for
 
+from motor_sysid.cli import main
 from motor_sysid.diagnosis import Settings
 from motor_sysid.errors import UserError
 from motor_sysid.physics.store import load_model
+from motor_sysid.recording import load
 from motor_sysid.recording.save import write_record
+from motor_sysid.signals.record import Record
+from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.server import Workbench
 from motor_sysid.workbench.session import Session
+from motor_sysid.workbench.view import build_view
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
 
 HIDDEN = {'coulomb_friction': {'tau_c': 0.012}}
+RUBBED_AND_LOADED = ['coulomb_friction', 'constant_load_torque']
 
 
 @pytest.fixture(scope='module')
@@ -106,6 +115,61 @@ def test_what_is_taken_away_and_added_again_is_as_good_as_before(bench: Workbenc
     assert view['verdict'] == json.loads(ask(bench, 'GET', '/view.json')[1])['verdict']
 
 
+def not_alike(folder: Path, loads: Sequence[float], gains: Sequence[float]) -> list[Record]:
+    """Return records of a motor whose load and supply are not the same in each."""
+    found = []
+    for k, (load_torque, gain) in enumerate(zip(loads, gains, strict=True)):
+        path = folder / f'{k}.csv'
+        call = ['simulate', '--effect', *RUBBED_AND_LOADED, '--rate', '200', '--duration', '6']
+        call += ['--set', f'constant_load_torque.tau_l={load_torque}', '--seed', str(k + 1)]
+        assert main([*call, '-o', str(path)]) == 0
+        (record,) = load(path).records
+        found.append(record.with_signal('voltage', gain * record['voltage'], 'V'))
+    return found
+
+
+@pytest.mark.parametrize(
+    ('loads', 'gains', 'shown'),
+    [
+        ((0.002, 0.002, 0.012, 0.002), (1.0, 1.0, 1.0, 1.0), 6),  # the third is left out
+        ((0.002, 0.002, 0.002), (1.0, 0.9, 1.0), 6),  # the supply of the second is made up for
+    ],
+)
+def test_what_is_done_by_hand_is_of_the_records_that_were_searched(
+    tmp_path: Path, loads: Sequence[float], gains: Sequence[float], shown: int
+) -> None:
+    records = not_alike(tmp_path, loads, gains)
+    session = Session(records, motor='brushed_dc', effects=RUBBED_AND_LOADED)
+    steps = session.diagnosis.steps
+    assert session.diagnosis.differences
+    assert len(session.diagnosis.records) == shown
+    key = steps[2].model.effects[1]
+    session.remove(2, key)
+    session.add(3, key)
+    less, again = session.view()['steps'][-2:]
+    for one, before in ((less, steps[1]), (again, steps[2])):
+        assert [e['key'] for e in one['effects']] == list(before.model.effects)
+        error = one['validation_error_percent']
+        assert error == pytest.approx(before.validation_error_percent, rel=0.05)
+
+
+def test_what_cannot_be_shown_leaves_the_session_as_it_was(
+    bench: Workbench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    session = bench.session
+    before = session.diagnosis, session.parents
+
+    def fail(*args: object, **named: object) -> View:
+        raise ValueError('operands could not be broadcast together')
+
+    step = session.diagnosis.steps[0]
+    monkeypatch.setattr('motor_sysid.workbench.session.one_round', lambda *given, **more: step)
+    monkeypatch.setattr('motor_sysid.workbench.session.build_view', fail)
+    with pytest.raises(ValueError, match='broadcast'):
+        bench.act('remove', 1, 'coulomb_friction')
+    assert (session.diagnosis, session.parents) == before
+
+
 def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: Path) -> None:
     status, text, headers = ask(bench, 'GET', '/model.yaml?step=1')
     assert (status, 'model_M1.yaml' in headers['Content-Disposition']) == (200, True)
@@ -123,6 +187,8 @@ def test_a_model_and_a_report_can_be_kept(bench: Workbench, tmp_path: Path) -> N
         ('add', 99, 'cogging_torque', 'there is no model M99'),
         ('add', 0, 'flux', 'flux'),
         ('add', 1, 'quadratic_drag', 'quadratic drag cannot be fitted: unphysical sign'),
+        ('add', 1, 'periodic_load', 'cannot be added: no frequency stands out of the data'),
+        ('add', 1, 'cogging_torque_2', 'set 2 cannot be added: cogging torque comes first'),
         ('remove', 0, 'cogging_torque', 'M0 has no effect `cogging_torque`; it has none'),
     ],
 )
@@ -134,6 +200,20 @@ def test_what_cannot_be_is_said(
     assert status == 409
     assert words in why.decode()
     assert bench.state == before
+
+
+def test_only_what_a_model_has_room_for_is_offered() -> None:
+    """A further set of waves comes after the first, and a model has its effects' special cases."""
+    keys = ['cogging_torque', 'cogging_torque_2', 'cogging_torque_3', 'coulomb_friction',
+            'stribeck_friction', 'current_sensor_offset', 'periodic_load']  # fmt: skip
+    whole = build_diagnosis(5.0)
+    waves = whole.steps[0].model.with_effect('cogging_torque').with_effect('stribeck_friction')
+    steps = (whole.steps[0], replace(whole.steps[1], model=waves))
+    view = build_view(replace(whole, steps=steps), effects=keys)
+    assert [step['addable'] for step in view['steps']] == [
+        ['cogging_torque', 'coulomb_friction', 'stribeck_friction', 'periodic_load'],
+        ['cogging_torque_2', 'periodic_load'],
+    ]
 
 
 def test_one_change_at_a_time(bench: Workbench) -> None:
@@ -257,10 +337,10 @@ def slow(bench: Workbench, monkeypatch: pytest.MonkeyPatch) -> Iterator[Event]:
     go_on = Event()
     remove = bench.session.remove
 
-    def late(step: int, key: str) -> None:
+    def late(step: int, key: str) -> View:
         bench.doing = 'removing something'
         assert go_on.wait(30)
-        remove(step, key)
+        return remove(step, key)
 
     monkeypatch.setattr(bench.session, 'remove', late)
     yield go_on
@@ -336,6 +416,17 @@ def test_keys_work_wherever_nothing_else_takes_them(opened: 'Page') -> None:
     assert opened.evaluate('page.step') == 1
 
 
+def test_paper_has_no_controls(opened: 'Page') -> None:
+    opened.click('#model-table button:has-text("M1")')
+    controls = opened.locator('#keep, .other, button.act')
+    assert controls.count() > 3
+    assert controls.first.is_visible()
+    opened.evaluate('dispatchEvent(new Event("beforeprint"))')
+    assert not any(one.is_visible() for one in controls.all())
+    opened.evaluate('dispatchEvent(new Event("afterprint"))')
+    assert all(one.is_visible() for one in controls.all())
+
+
 def test_a_reload_shows_the_same_model_in_the_same_light(opened: 'Page') -> None:
     opened.click('#model-table button:has-text("M1")')
     opened.click('#theme')
@@ -406,16 +497,27 @@ def test_the_verb_serves_until_it_is_interrupted(tmp_path: Path) -> None:
     data = tmp_path / 'drive.csv'
     write_record(record, data)
     call = [sys.executable, '-m', 'motor_sysid.cli', 'workbench', str(data), '--port', '0']
-    call += ['--effects', 'coulomb_friction', '--json', str(tmp_path / 'found.json')]
-    with subprocess.Popen(call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as run:
+    call += ['--effects', 'coulomb_friction', '--json', str(tmp_path / 'found.json'), '--open']
+    browser, shown, closed = (tmp_path / name for name in ('browser', 'shown', 'closed'))
+    browser.write_text(  # it runs in the foreground
+        f'#!/bin/sh\necho "$1" > {shown}\n'
+        f'for i in $(seq 600); do test -e {closed} && exit; sleep 0.1; done\n'
+    )
+    browser.chmod(0o755)
+    with subprocess.Popen(
+        call, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        env={**os.environ, 'BROWSER': str(browser)},
+    ) as run:  # fmt: skip
         assert run.stdout is not None
         told = next(line for line in run.stdout if line.startswith('workbench: '))
         address = told.split()[1]
-        with urlopen(f'{address}view.json') as answer:
-            assert json.load(answer)['verdict']['key'] == 'complete'
-        run.send_signal(signal.SIGINT)
         try:
+            with urlopen(f'{address}view.json', timeout=10) as answer:
+                assert json.load(answer)['verdict']['key'] == 'complete'
+            wait_for(lambda: shown.exists() and shown.read_text() == f'{address}\n', 'the browser')
+            run.send_signal(signal.SIGINT)
             assert run.wait(timeout=10) == 0
         finally:
+            closed.touch()
             run.kill()
     assert json.loads((tmp_path / 'found.json').read_text())['verdict'] == 'complete'

@@ -3,6 +3,7 @@
 import argparse
 import socket
 import sys
+from threading import Thread
 import webbrowser
 
 from motor_sysid.cli.common import progress, whole
@@ -35,13 +36,19 @@ def run(args: argparse.Namespace) -> int:
     write_result(session.diagnosis, args.json)
     with Workbench(session, args.port) as bench:
         print(f'workbench: {bench.address} (Ctrl-C ends it)', flush=True)
-        if args.open and not webbrowser.open(bench.address):
-            print('note: no browser could be opened', file=sys.stderr)
+        if args.open:
+            Thread(target=_open, args=(bench.address,), daemon=True).start()
         try:
             bench.serve_forever()
         except KeyboardInterrupt:
             print()
     return 0
+
+
+def _open(address: str) -> None:
+    """Open a browser, and wait for it if it runs in the foreground."""
+    if not webbrowser.open(address):
+        print('note: no browser could be opened', file=sys.stderr)
 
 
 def _refuse_taken(host: str, port: int) -> None:

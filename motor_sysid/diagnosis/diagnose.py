@@ -104,14 +104,16 @@ def diagnose(
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
     if kind.currents and stands_still([*records, *held]):
         found = diagnosis_at_rest(climb(model, bench), bench)
-        return replace(found, warnings=(*notes, *found.warnings))
+        searched = tuple(records), tuple(held)
+        return replace(found, warnings=(*notes, *found.warnings), searched=searched)
     bench = with_scales(bench, model)
     situation = situation_of(model, records, bench.outputs)
     keys = [one.key for one in candidates]
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
     search = _Search(model, bench, candidates, settings, tell, nominal or {})
-    found = with_own_values(search.on(bench), bench, records, held, search.anew, tell)
+    found = search.on(bench, records, held)
+    found = with_own_values(found, bench, records, held, search.anew, tell)
     if shows_only_there(found):
         tell('the held-out data show it more: fitting half of them, too')
         found = better_with_half_lent(found, search.anew(records, held, lent=True))
@@ -134,12 +136,13 @@ class _Search:
     tell: Progress
     nominal: Mapping[str, float]
 
-    def on(self, bench: Bench) -> Diagnosis:
-        """Search as long as the settings allow, and say so where that was an end."""
+    def on(self, bench: Bench, train: Sequence[Record], held: Sequence[Record]) -> Diagnosis:
+        """Search records as long as the settings allow, and say so where that was an end."""
         engine = Engine(bench, self.candidates, self.settings, self.tell, self.nominal)
         effort = self.settings.effort_for(sum(map(len, engine.train_records)))
         with counted_by(effort):
             found = engine.run(climb(self.model, bench))
+        found = replace(found, searched=(tuple(train), tuple(held)))
         return replace(found, warnings=(*found.warnings, CUT)) if effort.cut else found
 
     def anew(
@@ -152,7 +155,7 @@ class _Search:
             lent=lent,
         )  # fmt: skip
         other = replace(with_scales(other, self.model), threshold=known.threshold)
-        return self.on(replace(other, offered=known.offered))
+        return self.on(replace(other, offered=known.offered), train, held)
 
 
 def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from motor_sysid.diagnosis.candidates.proposals import proposals
 from motor_sysid.diagnosis.candidates.score import score
-from motor_sysid.diagnosis.candidates.variants import variants
+from motor_sysid.diagnosis.candidates.variants import refusal, variants
 from motor_sysid.diagnosis.result.curves import Where
 from motor_sysid.diagnosis.search.bench import (
     base_fit,
@@ -35,6 +35,7 @@ from motor_sysid.estimation.batch import (
     transfer,
 )
 from motor_sysid.estimation.batch.sisters import SPREAD
+from motor_sysid.physics.effect import Card
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.doctor import seen_by_fits
@@ -137,10 +138,11 @@ def add_effect(
     Raises
     ------
     UserError
-        If the effect is unknown or makes no sense for this motor.
+        If the effect is unknown or makes no sense for this model or these data.
     """
     tell = progress or (lambda text: None)
     model.with_effect(key)
+    _refuse(key, refusal(model, effect(key)))
     bench, model = bench_of(train, validation, model, None, {}, validation_fraction)
     tell('fitting the model as it is')
     before = climb(model, bench)
@@ -195,10 +197,20 @@ def _tried(rung: Rung, key: str, bench: Bench) -> Trial:
     proposed = proposals(problem, near, train, [one], bench.scales)
     found = list(variants(rung.model, bench.scales, [one], proposed))
     if not found:
-        raise UserError(
-            f'`{key}` cannot be added: the model has it already, the motor lacks what it needs, '
-            'or no order, frequency or moment stands out of the data'
-        )
+        _refuse(key, refusal(rung.model, one) or _unseen(one.card))
     scores = score(problem, problem.vector(), found, near)
     level = Level.of(rung, bench, scores.weighting, bare(rung, bench))
     return try_effect(best_per_effect(scores.singles, 1)[0], level, bench)
+
+
+def _refuse(key: str, why: str) -> None:
+    """Refuse an effect if there is a reason."""
+    if why:
+        raise UserError(f'{effect(key).card.title} cannot be added: {why}')
+
+
+def _unseen(card: Card) -> str:
+    """Say what an effect needs that is looked for in the data, and was not found."""
+    if card.orders:
+        return 'no number of waves per turn stands out of the data'
+    return f'no {"frequency" if card.frequency else "moment"} stands out of the data'

@@ -20,6 +20,9 @@ Indices = NDArray[np.intp]
 CONTIGUOUS = 3.0
 """Records closer than this many sample times are drawn as one."""
 
+GAP = 0.02
+"""Room between two others, as a share of the shorter one: little of any view, however many."""
+
 
 @dataclass(frozen=True)
 class Stretch:
@@ -48,7 +51,6 @@ class Stretch:
 def lay_out(records: Sequence[Record], roles: Sequence[str], points: int) -> tuple[Stretch, ...]:
     """Put records one after the other, `points` drawn points in all."""
     shares = _shares(records, roles)
-    span = sum(record.duration for record in records)
     stretches: list[Stretch] = []
     for k, (record, share, own) in enumerate(
         zip(records, shares, _own_starts(records), strict=True)
@@ -58,7 +60,8 @@ def lay_out(records: Sequence[Record], roles: Sequence[str], points: int) -> tup
         if k and _continues(records[k - 1], record):
             clock = stretches[-1].clock
         elif k:
-            clock = _round_up(stretches[-1].end + 0.01 * span - own, span)
+            gap = GAP * min(records[k - 1].duration, record.duration)
+            clock = stretches[-1].end + gap - own
         start = clock + own
         picks = bucket_points(len(record), size)
         stretches.append(Stretch(start, start + record.duration, clock, size, picks))
@@ -159,9 +162,3 @@ def _continues(before: Record, after: Record) -> bool:
     gap = float(after.time[0] - before.time[-1])
     same = before.provenance.source == after.provenance.source
     return same and 0 < gap <= CONTIGUOUS * max(before.dt, after.dt)
-
-
-def _round_up(time: float, span: float) -> float:
-    """Round up to a step at which the ticks of the next record are round numbers too."""
-    step = next((s for limit, s in ((10, 0.1), (300, 1.0)) if span < limit), 10.0)
-    return float(np.ceil(time / step) * step)

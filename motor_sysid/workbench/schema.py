@@ -262,7 +262,8 @@ class CandidateView(TypedDict):
 class StepView(TypedDict):
     """One model of the ladder, and all that is shown of it.
 
-    `parent` is the index of the model that it was made from, None for the first.
+    `parent` is the index of the model that it was made from, None for the first; `addable` are the
+    keys of those of `View.effects` that it has room for.
     """
 
     name: str
@@ -282,6 +283,7 @@ class StepView(TypedDict):
     maps: list[MapLayer]
     candidates: list[CandidateView]
     parameters: list[ParameterView]
+    addable: list[str]
 
 
 class View(TypedDict):
@@ -289,7 +291,7 @@ class View(TypedDict):
 
     `time` holds float64 s on the common axis; `focus` is the stretch in s and `first` the model
     that the page opens with; `last` the model that the verdict is about.  With `actions` the page
-    may ask to add any of `effects`.
+    may ask to add `effects`.
     """
 
     schema: str

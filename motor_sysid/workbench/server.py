@@ -83,8 +83,8 @@ class Workbench(ThreadingHTTPServer):
         if not self.at_work.acquire(blocking=False):
             raise UserError('another change is under way; wait for it')
         try:
-            {'add': self.session.add, 'remove': self.session.remove}[verb](step, effect)
-            self.view = self.session.view()
+            act = {'add': self.session.add, 'remove': self.session.remove}[verb]
+            self.view = act(step, effect)
         finally:
             self.doing = ''
             self.at_work.release()

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from time import perf_counter
 
-from motor_sysid.diagnosis import diagnose, Settings
+from motor_sysid.diagnosis import diagnose, Diagnosis, Settings
 from motor_sysid.diagnosis.fitting import add_effect
 from motor_sysid.diagnosis.one_round import one_round
 from motor_sysid.errors import UserError
@@ -53,7 +53,6 @@ class Session:
         progress: Progress | None = None,
     ) -> None:
         self.tell: Progress = progress or (lambda text: None)
-        self._train, self._validation = tuple(train), tuple(validation)
         self._settings = settings or Settings()
         self._effects = tuple(effects or catalogue())
         began = perf_counter()
@@ -65,8 +64,12 @@ class Session:
         self._found = len(self.diagnosis.steps)
         self.parents = tuple(range(-1, self._found - 1))
 
-    def add(self, step: int, key: str) -> None:
+    def add(self, step: int, key: str) -> View:
         """Add effect `key` to model number `step`, refit, and try what is missing then.
+
+        Returns
+        -------
+        What the page shows then.
 
         Raises
         ------
@@ -78,15 +81,19 @@ class Session:
             raise UserError(f'M{step} has {effect(key).card.title} already')
         fraction = self._settings.validation_fraction
         _, trial = add_effect(
-            model, key, self._train, self._validation, validation_fraction=fraction,
+            model, key, *self.diagnosis.searched, validation_fraction=fraction,
             progress=self.tell,
         )  # fmt: skip
         if key not in trial.rung.model.effects:
             raise UserError(f'{effect(key).card.title} cannot be fitted: {trial.note}')
-        self._go_on(step, trial.rung.model)
+        return self._go_on(step, trial.rung.model)
 
-    def remove(self, step: int, key: str) -> None:
+    def remove(self, step: int, key: str) -> View:
         """Remove effect `key` from model number `step`, refit, and try what is missing then.
+
+        Returns
+        -------
+        What the page shows then.
 
         Raises
         ------
@@ -97,17 +104,11 @@ class Session:
         if key not in model.effects:
             raise UserError(f'M{step} has no effect `{key}`; it has {_listed(model.effects)}')
         self.tell(f'removing {effect(key).card.title}')
-        self._go_on(step, model.without_effect(key))
+        return self._go_on(step, model.without_effect(key))
 
     def view(self) -> View:
         """Return what the page shows."""
-        base = self.diagnosis.steps[0].model
-        return build_view(
-            self.diagnosis,
-            effects=[k for k in self._effects if base.admits(base.kind.taking(effect(k)))],
-            parents=self.parents,
-            last=self._found - 1,
-        )
+        return self._view_of(self.diagnosis, self.parents)
 
     def _model(self, step: int) -> Model:
         steps = self.diagnosis.steps
@@ -115,16 +116,23 @@ class Session:
             raise UserError(f'there is no model M{step}; the last one is M{len(steps) - 1}')
         return steps[step].model
 
-    def _go_on(self, parent: int, model: Model) -> None:
-        """Fit a model, try every candidate on it, and keep both."""
+    def _view_of(self, diagnosis: Diagnosis, parents: tuple[int, ...]) -> View:
+        last = self._found - 1
+        return build_view(diagnosis, effects=self._effects, parents=parents, last=last)
+
+    def _go_on(self, parent: int, model: Model) -> View:
+        """Fit a model, try every candidate on it, and keep both once they can be shown."""
         threshold = self.diagnosis.calibration
         step = one_round(
-            model, self._train, self._validation, effects=self._effects, settings=self._settings,
+            model, *self.diagnosis.searched, effects=self._effects, settings=self._settings,
             threshold=None if threshold is None else threshold.delta_bic,
             lent=self.diagnosis.lent, progress=self.tell,
         )  # fmt: skip
-        self.diagnosis = replace(self.diagnosis, steps=(*self.diagnosis.steps, step))
-        self.parents = (*self.parents, parent)
+        diagnosis = replace(self.diagnosis, steps=(*self.diagnosis.steps, step))
+        parents = (*self.parents, parent)
+        view = self._view_of(diagnosis, parents)
+        self.diagnosis, self.parents = diagnosis, parents
+        return view
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -1,13 +1,15 @@
 """What the page shows of one model of the ladder."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 import math
 
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.candidates.variants import refusal
 from motor_sysid.diagnosis.result.curves import ChannelError, Curve, Map, Where
 from motor_sysid.diagnosis.result.result import Candidate
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.parameters import Parameter
 from motor_sysid.workbench.axis import decimate, join, pack
 from motor_sysid.workbench.bench import Bench
@@ -27,8 +29,8 @@ from motor_sysid.workbench.words import named, number
 Array = NDArray[np.float64]
 
 
-def step_view(index: int, bench: Bench) -> StepView:
-    """Return what the page shows of model M`index`."""
+def step_view(index: int, bench: Bench, offered: Sequence[str]) -> StepView:
+    """Return what the page shows of model M`index`, which may take of what is offered."""
     step = bench.diagnosis.steps[index]
     parent = bench.parents[index]
     before = bench.diagnosis.steps[max(parent, 0)].model.effects
@@ -53,6 +55,7 @@ def step_view(index: int, bench: Bench) -> StepView:
         'maps': [_layer(drawn) for drawn in step.maps],
         'candidates': _candidates(index, bench),
         'parameters': _parameters(index, bench),
+        'addable': [key for key in offered if not refusal(step.model, effect(key))],
     }
 
 

@@ -1,6 +1,6 @@
 """From a diagnosis to the view: the one object that the page, the report and tests read."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 import json
 from pathlib import Path
 from typing import cast
@@ -34,7 +34,9 @@ from motor_sysid.workbench.words import (
     motor_title,
     named,
     number,
-    source_name,
+    recordings,
+    short_names,
+    sources_of,
     verdict_title,
     with_titles,
 )
@@ -54,7 +56,8 @@ def build_view(
     diagnosis:
         What was found; its records become one time axis with the held-out stretch in focus.
     effects:
-        Keys of the effects that the page may ask to add, where something answers.
+        Keys of the effects that the page may ask to add where a model has room for them, if
+        something answers.
     parents:
         For each step the index of the one that it was made from, -1 for none; by default the one
         before it.
@@ -68,15 +71,16 @@ def build_view(
     """
     bench = Bench.of(diagnosis, parents, last)
     records, stretches = diagnosis.records, bench.stretches
+    names = short_names(sources_of(records))
     return {
         'schema': SCHEMA,
         'actions': bool(effects),
-        'source': ', '.join(dict.fromkeys(source_name(record) for record in records)),
+        'source': recordings(list(names.values())),
         'motor': _motor(diagnosis),
         'held_out': held_out_words(records, diagnosis.roles),
         'verdict': _verdict(diagnosis, bench.titles),
         'noise_floor_percent': number(diagnosis.noise_floor_percent),
-        'records': [_stretch(index, bench) for index in range(len(records))],
+        'records': [_stretch(index, bench, names) for index in range(len(records))],
         'time': pack(axis_times(stretches, records), '<f8'),
         'channels': [_channel(channel, bench) for channel in bench.channels],
         'panels': [_panel(panel) for panel in panels_of(bench.channels, bench.primary)],
@@ -87,7 +91,7 @@ def build_view(
         'effects': [{'key': key, 'title': effect(key).card.title} for key in effects],
         'regimes': None if bench.regimes is None else _regimes(bench.regimes, stretches),
         'map': None if bench.grid is None else _map(bench.grid, bench),
-        'steps': [step_view(index, bench) for index in range(len(diagnosis.steps))],
+        'steps': [step_view(index, bench, effects) for index in range(len(diagnosis.steps))],
     }
 
 
@@ -148,13 +152,14 @@ def _verdict(diagnosis: Diagnosis, titles: dict[str, str]) -> VerdictView:
 
 
 def _difference(one: Difference) -> DifferenceView:
+    names = short_names(each.record for each in one.values)
     return {
         'name': one.name,
         'description': one.description,
         'unit': one.unit,
         'values': [
             {
-                'record': each.record,
+                'record': names[each.record],
                 'value': number(each.value),
                 'low': number(each.low),
                 'high': number(each.high),
@@ -181,12 +186,11 @@ def _motor(diagnosis: Diagnosis) -> Named:
     return {'key': key, 'title': motor_title(key)}
 
 
-def _stretch(index: int, bench: Bench) -> StretchView:
-    names = [source_name(record) for record in bench.diagnosis.records]
+def _stretch(index: int, bench: Bench, names: Mapping[str, str]) -> StretchView:
     record, stretch = bench.diagnosis.records[index], bench.stretches[index]
-    name = names[index]
+    name = names[record.provenance.source]
     return {
-        'label': name if len(set(names)) > 1 else '',
+        'label': name if len(names) > 1 else '',
         'source': name,
         'role': bench.diagnosis.roles[index],
         'start': stretch.start,

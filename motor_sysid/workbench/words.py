@@ -1,6 +1,7 @@
 """Titles, numbers and short phrases of the view."""
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 import math
 from pathlib import PurePath
 import re
@@ -21,6 +22,9 @@ VERDICTS: Mapping[Verdict, str] = {
 }
 
 UNEVEN = 'The records are not of one motor and supply'
+
+MOST_NAMES = 4
+"""Recordings that are listed by name."""
 
 DIGITS = 6
 """Significant digits of a number in the view."""
@@ -69,9 +73,30 @@ def with_titles(text: str, titles: Mapping[str, str]) -> str:
     return re.sub(r'\b[a-z]+(_[a-z]+)+\b', lambda found: titles.get(found[0], found[0]), text)
 
 
-def source_name(record: Record) -> str:
-    """Return the last part of a record's source."""
-    return PurePath(record.provenance.source).name or 'record'
+def short_names(sources: Iterable[str]) -> dict[str, str]:
+    """Return of each source the shortest end of its path that no other has."""
+    paths = {source: PurePath(source).parts for source in sources}
+    ends = {
+        source: [PurePath(*parts[-n:]).as_posix() for n in range(1, len(parts) + 1)]
+        for source, parts in paths.items()
+    }
+    shared = Counter(end for own in ends.values() for end in own)
+    return {
+        source: next((end for end in own if shared[end] == 1), own[-1] if own else 'record')
+        for source, own in ends.items()
+    }
+
+
+def sources_of(records: Sequence[Record]) -> list[str]:
+    """Return where records come from, each source once."""
+    return list(dict.fromkeys(record.provenance.source for record in records))
+
+
+def recordings(names: Sequence[str]) -> str:
+    """Name recordings, or say how many there are."""
+    if len(names) <= MOST_NAMES:
+        return ', '.join(names)
+    return f'{len(names)} recordings: {names[0]}, {names[1]}, ...'
 
 
 def held_out_words(records: Sequence[Record], roles: Sequence[str]) -> str:
@@ -82,9 +107,11 @@ def held_out_words(records: Sequence[Record], roles: Sequence[str]) -> str:
     seconds = sum(record.duration for record in held)
     if len(held) == len(records):
         return f'validated on all {seconds:.3g} s'
-    trained = {source_name(r) for r, role in zip(records, roles, strict=True) if role == 'train'}
-    names = dict.fromkeys(source_name(record) for record in held)
-    if any(name in trained for name in names):
-        last = records[-1] is held[-1] and len(held) == 1
+    own = sources_of(held)
+    trained = [r for r, role in zip(records, roles, strict=True) if role == 'train']
+    before = [record for record in trained if record.provenance.source in own]
+    if before:
+        last = len(held) == 1 and all(r.time[-1] < held[0].time[0] for r in before)
         return f'held out: {"last " if last else ""}{seconds:.3g} s'
-    return f'held out: {", ".join(names)} ({seconds:.3g} s)'
+    names = short_names(sources_of(records))
+    return f'held out: {recordings([names[source] for source in own])} ({seconds:.3g} s)'

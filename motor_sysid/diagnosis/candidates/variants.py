@@ -6,6 +6,7 @@ from itertools import product
 
 import numpy as np
 
+from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.physics.effect import Amplitude, Card, Effect, Shape
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -44,18 +45,11 @@ def variants(
     """Give every effect that can be added to the fitted model, once for each choice of its shape.
 
     `proposed` gives, by key, values worth trying for shapes that the data are searched for; see
-    `motor_sysid.diagnosis.candidates.proposals`.  Effects that a free parameter of the motor
-    covers are left out, and what is the sum of effects that the model has.
+    `motor_sysid.diagnosis.candidates.proposals`.  Effects that have no place are left out.
     """
     frozen = model.with_free([p.name for p in model.parameters.free], free=False)
     for one in map(model.kind.taking, effects):
-        if not model.lacks(one):
-            continue
-        if any(one.key in effect(key).card.replaces for key in model.effects):
-            continue
-        if len(one.card.sum_of) > 1 and set(one.card.sum_of) <= set(model.effects):
-            continue
-        if any(p.name == one.card.covers for p in model.parameters.free):
+        if refusal(model, one):
             continue
         pairs = [p for special, p in one.card.replaces.items() if special in model.effects]
         taken = {mine for some in pairs for mine, _ in some}
@@ -64,6 +58,28 @@ def variants(
             tried = frozen.with_effect(one.key, values, scales)
             fixed = [f'{one.key}.{name}' for name in (*values, *taken)]
             yield Variant(one, values, tried.with_free(fixed, free=False), inherits)
+
+
+def refusal(model: Model, one: Effect) -> str:
+    """Say why an effect has no place in a model, whatever the data say; nothing if it has one.
+
+    A free parameter of the motor may do the same, or what the model has: a more general effect, or
+    others of which it is the sum.
+    """
+    there = model.effects
+    if one.key in there:
+        return 'the model has it already'
+    if not model.admits(one):
+        return f'a {model.kind.title} recorded like this has no place for it'
+    if not model.lacks(one):
+        return f'{titles([one.after])} comes first'
+    if wider := [key for key in there if one.key in effect(key).card.replaces]:
+        return f'it is a special case of {titles(wider)}, which the model has'
+    if len(one.card.sum_of) > 1 and set(one.card.sum_of) <= set(there):
+        return f'it is the sum of {titles(one.card.sum_of)}, which the model has'
+    if any(p.name == one.card.covers for p in model.parameters.free):
+        return f'{one.card.covers} does the same, a parameter of the {model.kind.title}'
+    return ''
 
 
 def _choices(

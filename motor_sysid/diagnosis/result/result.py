@@ -159,6 +159,9 @@ class Diagnosis:
         missing; else 1.
     lent:
         Whether half of the held-out data were fitted as well; see `motor_sysid.diagnosis.lending`.
+    searched:
+        Training and validation records that were searched, each of them whole: prepared, brought
+        to a common supply and zero, without those that were left out.
     """
 
     verdict: Verdict
@@ -181,6 +184,7 @@ class Diagnosis:
     calibration: Threshold | None = None
     held_alone: float = 1.0
     lent: bool = False
+    searched: tuple[tuple[Record, ...], tuple[Record, ...]] = ((), ())
 
     @property
     def model(self) -> Model:

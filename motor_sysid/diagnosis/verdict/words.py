@@ -17,6 +17,7 @@ from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.verdict.verdict import disagree, untold
 from motor_sysid.diagnosis.where.other_values import OtherValues
 from motor_sysid.diagnosis.where.remainder import (
+    ABOVE_FLOOR,
     LARGE_PERCENT,
     Remainder,
     STRUCTURE,
@@ -83,14 +84,16 @@ def unknown(
     if torn and len(ladder) == 1 and not left.structured:
         return _contested(last, max(torn, key=lambda c: c.delta_bic))
     first, best = ladder[0].validation_error_percent, last.validation_error_percent
-    error = f'{first:.3g} %' + (f', at best {best:.3g} % with what it holds' * (best < first))
+    sizes = [f'{first:.3g} %']
+    sizes += [f'at best {best:.3g} % with what it holds'] * (best < first)
+    sizes += [f'{_over_noise(left)} in one channel'] * bool(_over_noise(left))
     lines = [
-        f'Something is missing that the catalogue does not hold: the held-out error is {error}, '
-        f'{_times(left.over_floor)} the sensor noise in one channel, and '
-        f'{_structure(left, found)}.'
+        'Something is missing that the catalogue does not hold: the held-out error is '
+        f'{", ".join(sizes)}, and {_structure(left, found)}.'
     ]
     spell = [str(left.spell)] if left.spell else []
-    return [*lines, *spell, *shapes(found), *_partial(ladder)]
+    seen = shapes(found) if left.structured else []
+    return [*lines, *spell, *seen, *_partial(ladder)]
 
 
 def _contested(step: Step, found: Candidate) -> list[str]:
@@ -127,7 +130,9 @@ def _structure(left: Remainder, found: Sequence[Unknown]) -> str:
             'the motion hardly predicts any of it: loads that come and go, or what a drive does '
             'between two samples, look like that'
         )
-    said = f'{100 * left.predictable:.0f} % of it is predictable from the motion'
+    if left.short:
+        return 'these data are too short to tell how much of it the motion predicts'
+    said = f'the motion predicts {100 * left.predictable:.0f} % of the squared error of a channel'
     if left.waves:
         pace = ' and '.join(f'{n}' for n in left.waves)
         said += f': {pace} times a turn, a torque swings in proportion to the current'
@@ -209,8 +214,8 @@ def named(
     lines += other_names(last.model)
     if left.structured:
         lines.append(
-            f'A smaller effect remains: the error is still {_times(left.over_floor)} the sensor '
-            f'noise and {_structure(left, found)}, but no effect of the catalogue explains it.'
+            f'A smaller effect remains: {_still(left)}{_structure(left, found)}, but no effect of '
+            'the catalogue explains it.'
         )
         lines += shapes(found)
     return lines if left.structured else lines + _remains(left)
@@ -278,5 +283,13 @@ def _advice(spot: BlindSpot) -> str:
     return f'{spot.remedy[:1].upper()}{spot.remedy[1:]}.' if spot.remedy else ''
 
 
-def _times(ratio: float) -> str:
-    return f'{ratio:.1f} times' if ratio < 100 else 'more than a hundred times'
+def _over_noise(left: Remainder) -> str:
+    """Say how many times the sensor noise is left; nothing where that is about once."""
+    if left.over_floor <= ABOVE_FLOOR:
+        return ''
+    often = f'{left.over_floor:.1f}' if left.over_floor < 100 else 'more than a hundred'
+    return f'{often} times the sensor noise'
+
+
+def _still(left: Remainder) -> str:
+    return f'the error is still {_over_noise(left)} and ' if _over_noise(left) else ''

@@ -72,7 +72,8 @@ class Remainder:
     predictable:
         Share of the squared error of an output that the simulated motion predicts: the squared
         correlation with a cautious prediction on the held-out data, or what regressions on eleven
-        twelfths of all data predict of the rest, whichever is larger; near 0 for noise.
+        twelfths of all data predict of the rest, whichever is larger; near 0 for noise, 1 where
+        the data are too short to tell.
     swing:
         One frequency at which it swings in training and held-out data, if there is one.
     unevenness:
@@ -95,6 +96,8 @@ class Remainder:
         The error on the data that were fitted: what swings in both may be large there alone.
     spell:
         A short time that makes nearly all of a record's error, if there is one.
+    short:
+        Whether the data are too short to tell what of it is predictable.
     """
 
     floor: dict[str, float]
@@ -111,6 +114,7 @@ class Remainder:
     waves: tuple[int, ...] = ()
     training_percent: float = 0.0
     spell: Spell | None = None
+    short: bool = False
 
     @property
     def swings(self) -> bool:
@@ -220,6 +224,7 @@ def examine_remainder(
         tuple(orders[1]) if seen_in_waves else (),
         training.error_percent,
         spell_of(((training, chains[0]), (held, chains[1])), ABOVE_FLOOR * noise),
+        data is None,
     )
 
 

@@ -94,17 +94,7 @@ function play() {
 
 function fillControls() {
   const {view, traces} = page;
-  const press = (button) => $('#stretches').querySelectorAll('button').forEach((b) =>
-    b.setAttribute('aria-pressed', String(b === button)));
-  const home = traces.kept().home;
-  const choice = (text, from, to) => el('button', {type: 'button', 'aria-pressed': String(from === home[0] && to === home[1]),
-    onclick: (event) => {
-      press(event.currentTarget);
-      traces.go(from, to);
-    }}, text);
-  const stretches = stretchesOf(view, traces);
-  $('#stretches').replaceChildren(...(view.records.length > 1
-    ? [choice('all', ...traces.all()), ...stretches.map((s) => choice(...s))] : []));
+  fillStretches();
   $('#panels').replaceChildren(...view.panels.slice(1).map((p) => el('label', {},
     el('input', {type: 'checkbox', checked: traces.isShown(p.key), onchange: (e) => traces.toggle(p.key, e.target.checked)}), p.title)));
   const outputs = traces.errorOutputs();
@@ -115,7 +105,38 @@ function fillControls() {
   fillGhosts();
 }
 
-/** What can be chosen to look at: every record if they are few and have names, else every role. */
+/** The stretches that can be looked at: a button each, and a list of the records if some have none. */
+function fillStretches() {
+  const {view, traces} = page;
+  const go = (from, to) => {
+    traces.go(from, to);
+    keepingFocus(fillStretches);
+  };
+  const isHome = (from, to) => String([from, to]) === String(traces.kept().home);
+  const button = (text, from, to) => el('button', {type: 'button', 'data-hold': `stretch ${text}`,
+    'aria-pressed': String(isHome(from, to)), onclick: () => go(from, to)}, text);
+  const stretches = stretchesOf(view, traces);
+  const parts = view.records.length > 1 ? [['all', ...traces.all()], ...stretches].map((s) => button(...s)) : [];
+  if (stretches.length < view.records.length) parts.push(recordList(view, traces, isHome, go));
+  $('#stretches').replaceChildren(...parts);
+}
+
+function recordList({records}, traces, isHome, go) {
+  const options = recordNames(records, traces).map((name, k) =>
+    el('option', {value: k, selected: isHome(records[k].start, records[k].end)}, name));
+  return el('select', {'aria-label': 'Record', 'data-hold': 'stretch of a record',
+    onchange: ({target}) => go(records[target.value].start, records[target.value].end)},
+  el('option', {value: '', disabled: true, selected: true}, 'one record'), ...options);
+}
+
+/** What records are called, with their times where that does not tell them apart. */
+function recordNames(records, traces) {
+  const names = records.map(traces.stretchName);
+  const when = (r) => ` · ${digits(r.start - r.clock)} to ${digits(r.end - r.clock)} s`;
+  return names.map((name, k) => (names.indexOf(name) === names.lastIndexOf(name) ? name : name + when(records[k])));
+}
+
+/** What has a button: every record if they are few and have names, else every role. */
 function stretchesOf(view, traces) {
   const {records} = view;
   const names = new Set(records.map((r) => r.label));
@@ -147,9 +168,11 @@ function drawGhostKey() {
   $('#noise-key').hidden = !(channels.find((c) => c.key === primary)?.sigma > 0);
 }
 
+/** Keys of the page: not what is typed, nor arrows that choose a model or scroll a box. */
 function onKey(event) {
-  const taken = event.target.closest('input, select, textarea') || event.target.matches('.scroll');
-  if (taken || event.ctrlKey || event.metaKey || event.altKey) return;
+  const types = event.target.closest('select, textarea, input:not([type="radio"], [type="checkbox"])');
+  const moves = event.key.startsWith('Arrow') && event.target.matches('.scroll, [type="radio"]');
+  if (types || moves || event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === 'n' || event.key === 'N') pickByHand(page.step + 1);
   else if (event.key === 'p' || event.key === 'P') pickByHand(page.step - 1);
   else page.traces.key(event);

@@ -33,7 +33,7 @@ function differencePicture(one, width) {
   rows.forEach((v, k) => {
     const y = DIFFERENCE_ROW * (k + 0.5) + 2;
     parts.push(
-      svg('text', {x: 0, y: y + 4, class: 'tick'}, shortened(v.record)),
+      svg('text', {x: 0, y: y + 4, class: 'tick'}, fitting(v.record)),
       svg('line', {x1: atX(v.low), x2: atX(v.high), y1: y, y2: y, class: 'whisker'}),
       svg('circle', {cx: atX(v.value), cy: y, r: 4, class: v.searched ? 'dot' : 'dot hollow'}),
       svg('text', {x: width, y: y + 4, 'text-anchor': 'end', class: 'tick'}, said(v)));
@@ -42,8 +42,20 @@ function differencePicture(one, width) {
   return svg('svg', {width, height, role: 'img', 'aria-label': label}, ...parts);
 }
 
-/** A file without its folders, and of a long name the end: names differ there. */
-function shortened(name) {
-  const last = name.split('/').at(-1);
-  return last.length > 18 ? `…${last.slice(-17)}` : last;
+const NAME_LETTERS = 18;
+const FOLDER_LETTERS = 8;
+
+/** A text without its middle, so that it has no more letters than that. */
+function squeezed(text, most) {
+  const head = Math.floor((most - 1) / 2);
+  return text.length > most ? `${text.slice(0, head)}…${text.slice(1 + head - most)}` : text;
+}
+
+/** A name that fits: names differ in their folder or at either end. */
+function fitting(name) {
+  const [folder, ...rest] = name.split('/');
+  if (!rest.length || name.length <= NAME_LETTERS) return squeezed(name, NAME_LETTERS);
+  const file = rest.join('/');
+  const first = squeezed(folder, Math.max(FOLDER_LETTERS, NAME_LETTERS - 1 - file.length));
+  return `${first}/${squeezed(file, NAME_LETTERS - 1 - first.length)}`;
 }

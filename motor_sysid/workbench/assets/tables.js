@@ -29,14 +29,16 @@ function makeCandidates(view, onAct) {
     }
     const passing = candidates.filter((c) => c.passes).length;
     const count = all ? candidates.length : Math.max(passing, Math.min(SHORT_LIST, candidates.length));
+    const named = explains(view, step);
     let rank = 0;
-    const rows = candidates.slice(0, count).map((c) => row(c, now, c.passes ? (rank += 1) : null));
+    const rows = candidates.slice(0, count).map((c) => row(c, now, named && c.passes ? (rank += 1) : null));
     const heads = ['', 'effect and law', 'what is left', 'error on held-out data', 'ΔBIC', ...(view.actions ? [''] : [])];
     const head = el('thead', {}, el('tr', {}, heads.map((h, k) =>
       (h ? el('th', {scope: 'col'}, h) : el('th', {scope: 'col'}, el('span', {class: 'aside'}, k ? 'action' : 'rank'))))));
     const parts = [el('div', {class: 'scroll'}, el('table', {class: 'candidates'}, head, ...rows)),
       el('p', {class: 'aside-note'}, 'ΔBIC: how much the training data speak for it, less a price for each parameter; what counts begins at 20 or above.')];
     if (!passing) parts.unshift(el('p', {class: 'none'}, ...nothingPasses(view, view.steps[step])));
+    else if (!named) parts.unshift(el('p', {class: 'none'}, 'None of these is enough to be named; the nearest come first.'));
     if (candidates.length > SHORT_LIST && passing < candidates.length) {
       parts.push(el('button', {type: 'button', class: 'more', 'data-hold': 'more', onclick: () => {
         all = !all;
@@ -47,10 +49,11 @@ function makeCandidates(view, onAct) {
     box.replaceChildren(...parts);
   }
 
-  /** Whatever the data say for it, any effect can be added. */
+  /** Whatever the data say for it, any effect that the model has room for can be added. */
   function anyOther() {
-    const own = view.steps[step].effects.map((e) => e.key);
-    const choice = el('select', {'aria-label': 'Effect to add'}, view.effects.filter((e) => !own.includes(e.key))
+    const {addable} = view.steps[step];
+    if (!addable.length) return '';
+    const choice = el('select', {'aria-label': 'Effect to add'}, view.effects.filter((e) => addable.includes(e.key))
       .map((e) => el('option', {value: e.key}, e.title)));
     return el('p', {class: 'other'}, 'any other: ', choice, ' ',
       actButton({'data-hold': 'add any other', onclick: () => onAct('add', choice.value)}, 'Add'));
@@ -65,14 +68,14 @@ function makeCandidates(view, onAct) {
       el('td', {class: 'rank', rowspan: 2}, rank === null ? '–' : String(rank)),
       el('th', {scope: 'row'}, el('span', {class: 'title'}, cap(c.title)), place(c)),
       el('td', {class: 'evidence'}, c.curve ? sparkline(c) : ''),
-      el('td', {class: 'change'}, ...(fitted ? [changeText(now, after, change), changeBar(change, c.passes)] : [el('span', {class: 'gain'}, 'not refitted')])),
+      el('td', {class: 'change'}, ...(fitted ? [changeText(now, after, change), changeBar(change, rank !== null)] : [el('span', {class: 'gain'}, 'not refitted')])),
       el('td', {class: 'bic'}, c.delta_bic === null ? '–' : signed(c.delta_bic)),
     ];
-    if (view.actions) cells.push(el('td', {rowspan: 2}, c.added ? '' : actButton({class: c.passes ? 'act primary' : 'act',
+    if (view.actions) cells.push(el('td', {rowspan: 2}, c.added ? '' : actButton({class: rank === null ? 'act' : 'act primary',
       'aria-label': `Add ${c.title}`, 'data-hold': `add ${c.effect}`, onclick: () => onAct('add', c.effect)}, 'Add')));
     const law = [c.law && symbols(c.law), valuesText(c)].filter(Boolean).join('  ·  ');
     return el('tbody', {class: c.passes ? 'passes' : 'fails', 'data-effect': c.effect},
-      el('tr', {}, cells), el('tr', {class: 'law'}, el('td', {colspan: 4}, notes(c), law)));
+      el('tr', {}, cells), el('tr', {class: 'law'}, el('td', {colspan: 4}, notes(c, rank), law)));
   }
 
   const place = (c) => (c.equation && c.equation !== 'mechanical'
@@ -91,11 +94,11 @@ function makeCandidates(view, onAct) {
     }).join(', ');
   }
 
-  function notes(c) {
+  function notes(c, rank) {
     const texts = [];
     if (c.note) texts.push(c.note);
     if (c.confusable_with.length) texts.push(`cannot be told from ${listed(c.confusable_with.map((e) => e.title))}`);
-    return [c.added ? el('span', {class: 'note ok'}, `added in ${c.added}`) : null,
+    return [c.added ? el('span', {class: rank === null ? 'note mild' : 'note ok'}, `added in ${c.added}`) : null,
       texts.length ? el('span', {class: c.passes ? 'note mild' : 'note'}, texts.join(' · ')) : null];
   }
 
@@ -106,8 +109,8 @@ function makeCandidates(view, onAct) {
       el('span', {class: 'gain'}, gain));
   }
 
-  function changeBar(change, passes) {
-    const fill = el('i', {class: passes ? 'fill good' : 'fill'});
+  function changeBar(change, good) {
+    const fill = el('i', {class: good ? 'fill good' : 'fill'});
     fill.style.width = `${(100 * Math.min(1, Math.max(0, -(change || 0)))).toFixed(1)}%`;
     return el('span', {class: 'track'}, fill);
   }

@@ -109,7 +109,7 @@ function makeTraces(view, kept = {}) {
       },
       axes: [
         {size: last ? TIME_AXIS : 0, stroke: stroke('muted'), grid, ticks: {...grid, size: 4},
-          font: '11px system-ui, sans-serif',
+          font: '11px system-ui, sans-serif', splits: roundTimes,
           values: (u, splits) => splits.map((t) => (last ? clockText(t) : ''))},
         {size: AXIS_WIDTH, stroke: stroke('muted'), grid, ticks: {...grid, size: 4}, space: TICK_SPACE,
           font: '11px system-ui, sans-serif', values: (u, splits) => splits.map(tickText)},
@@ -322,6 +322,18 @@ function makeTraces(view, kept = {}) {
     return record ? `${minus(String(Number((t - record.clock).toFixed(6))))} s` : '';
   }
 
+  /** Times about so many seconds apart that are round since the start of their recording. */
+  function roundTimes(u, axis, low, high, step) {
+    const found = [];
+    for (const {start, end, clock} of view.records) {
+      for (let k = Math.ceil((Math.max(low, start) - tolerance - clock) / step);
+        clock + k * step < Math.min(high, end) + tolerance; k += 1) {
+        if (!(clock + k * step - found.at(-1) < 0.8 * step)) found.push(clock + k * step);
+      }
+    }
+    return found;
+  }
+
   function readout(u, spec) {
     const node = $('.readout', u.root.parentNode);
     const k = u.cursor.idx;
@@ -375,6 +387,7 @@ function makeTraces(view, kept = {}) {
     marked: () => (mark ? Array.from(time.keys()).filter((k) => mark.ids[k] === mark.id) : []),
     range: () => range,
     cursor: () => plots[0].u.cursor.idx,
+    times: () => plots.at(-1).u.axes[0]._values,
     ranges: () => plots.map(({u}) => [u.scales.x.min, u.scales.x.max]),
     go(from, to) {
       home = [from, to];

@@ -44,10 +44,10 @@ function drawWhy({reasons, warnings}, told) {
   $('ul', why).replaceChildren(...lines.slice(1).map((line) => el('li', {}, symbols(line))));
 }
 
-/** Whether a model is as good as its data: nothing improves it, and nothing but noise is left. */
+/** Whether a model is as good as its data, and the verdict says so: nothing improves it, and noise alone is left. */
 const settled = (view, s) => !s.candidates.some((c) => c.passes)
   && (view.verdict.key === 'complete'
-    || (s.times_floor !== null && s.times_floor <= 1.3 && view.verdict.key !== 'unknown_effect'));
+    || (view.verdict.key === 'effect_missing' && s.times_floor !== null && s.times_floor <= 1.3));
 
 const nothingPasses = (view, s) => (settled(view, s)
   ? ['No candidate improves it: ', el('b', {class: 'ok'}, 'stop here'), '.']
@@ -64,13 +64,17 @@ function drawNow(view, step) {
   const best = bestOf(s);
   if (best) {
     const change = Math.round(100 * (best.validation_error_percent / s.validation_error_percent - 1));
-    parts.push('Best explanation: ', el('b', {}, cap(best.title)),
+    parts.push(explains(view, step) ? 'Best explanation: ' : 'Nearest, but not enough to be named: ', el('b', {}, cap(best.title)),
       Number.isFinite(change) ? `, error ${change > 0 ? '+' : MINUS}${Math.abs(change)} %.` : '.');
   } else if (s.candidates.length) {
     parts.push(...nothingPasses(view, s));
   }
   $('#now').replaceChildren(...parts);
 }
+
+/** Whether what passes on a model is an explanation. Where the verdict names nothing, it is only near. */
+const explains = ({verdict, last}, step) => ['effect_missing', 'ambiguous'].includes(verdict.key)
+  || (verdict.key === 'complete' && step > last);
 
 /** The candidate that was taken, else the best that passes; what was added by hand need not be good. */
 const bestOf = (s) => s.candidates.find((c) => c.added && (c.passes || !c.by_hand)) || s.candidates.find((c) => c.passes);
@@ -171,6 +175,7 @@ function drawStepper(view, step, onPick) {
   box.querySelectorAll('input').forEach((input, k) => {
     input.checked = k === step;
   });
+  if (box.contains(document.activeElement)) $(':checked', box).focus();
   $('.steps').classList.toggle('single', view.steps.length < 2);
   $('#back').disabled = step === 0;
   $('#forward').disabled = step === view.steps.length - 1;
