@@ -63,3 +63,21 @@ def test_joint_states_without_positions_are_enough(estimator: str) -> None:
     target = pipeline(estimator)
     push(target, {**motor_topics(record), SPEED: (JOINT, messages)})
     is_found(target)
+
+
+def every_second(record: Record) -> dict[str, Topic]:
+    """Return the topics of a drive, and of joint states of every second of its cycles."""
+    topics = motor_topics(record)
+    kind, messages = topics[SPEED]
+    return {**topics, SPEED: (kind, messages[::2])}
+
+
+def test_topics_of_every_second_cycle_lose_no_message_of_the_others() -> None:
+    """Their stamps are equal to half of the others': these were the samples, with wrong inputs."""
+    record = sampled('steps', 0, (), {}).slice(0, 4000)
+    target = pipeline()
+    push(target, every_second(record))
+    assert target.join.clock == 'motor/voltage'
+    assert target.join.counts.dropped == 0
+    assert target.join.counts.joined >= 3990
+    is_found(target, 0.02)

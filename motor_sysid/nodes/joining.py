@@ -26,6 +26,9 @@ SECOND = 1_000_000_000
 LOOKS = ((3, 0.9), (20, 0.5))
 """After so many messages of each topic their stamps are equal if at least this share of those of
 the fastest topic has partners; after the last look they are not."""
+ALIKE = 1.5
+"""Topics whose median steps differ by more than this factor do not come from one cycle, though
+the slower one may share its stamps with every second message of the faster one."""
 LONG = 2000
 """With so many messages of one topic, an input or a reference that says less is sent on change."""
 
@@ -138,7 +141,7 @@ class Joining:
             if last is None:
                 return
             seen = [[stamp for stamp in own if stamp <= last] for own in stamps]
-            if _with_partners(seen) >= share * max(map(len, seen)):
+            if _with_partners(seen) >= share * max(map(len, seen)) and _are_alike(seen):
                 self._join = StampJoin(len(seen), counts=self.counts)
                 break
         else:
@@ -274,3 +277,9 @@ def _with_partners(stamps: Sequence[Sequence[int]]) -> int:
         for stamp in own:
             join.push(topic, stamp, ())
     return len(join.pop())
+
+
+def _are_alike(stamps: Sequence[Sequence[int]]) -> bool:
+    """Tell whether topics, of some messages each, are equally fast."""
+    steps = [float(np.median(np.diff(own))) for own in stamps]
+    return max(steps) <= ALIKE * min(steps)
