@@ -54,6 +54,17 @@ def test_all_is_well_from_the_first_samples_on() -> None:
     assert intake.take(range(10, 500)) == ('ok', False)
 
 
+def test_a_topic_whose_messages_lack_the_signals_is_named() -> None:
+    intake = Intake()
+    for k in range(10):
+        intake.pipeline.push(2, joint(k * STEP, ['wrist'], [], []), 0)
+    for topic in intake.topics:
+        topic.received += 10
+    message = 'no message of /motor/speed has `velocity[0]` or `position[0]`'
+    assert intake.report() == (message, True)
+    assert intake.status.values['foreign'] == 10
+
+
 @pytest.mark.parametrize('heard', [(0, 1), (0, 2), (2,), ()])
 def test_a_topic_that_is_silent_is_named(heard: tuple[int, ...]) -> None:
     silent = ', '.join(TOPICS[k] for k in range(3) if k not in heard)

@@ -1,6 +1,7 @@
 """The topics of robots as they are: what they lack, at which rates, and who else is there."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 from bench_motor import MOTOR
 import numpy as np
@@ -33,7 +34,7 @@ def pipeline(
 
 def push(target: Pipeline, topics: Mapping[str, Topic]) -> None:
     """Push all messages in the order of reception."""
-    numbers = {f'/{t.topic.lstrip("/")}': k for k, t in enumerate(target._plan.topics)}
+    numbers = {f'/{t.topic.lstrip("/")}': k for k, t in enumerate(target.plan.topics)}
     rows = [(at, numbers[name], data) for name, (_, own) in topics.items() for at, data in own]
     for k, (received, topic, data) in enumerate(sorted(rows, key=lambda row: row[:2])):
         target.push(topic, data, received)
@@ -81,3 +82,47 @@ def test_topics_of_every_second_cycle_lose_no_message_of_the_others() -> None:
     assert target.join.counts.dropped == 0
     assert target.join.counts.joined >= 3990
     is_found(target, 0.02)
+
+
+def with_gripper(record: Record) -> dict[str, Topic]:
+    """Return topics with another node's joint on that of the joint states, in their way."""
+    times = stamps(record)
+    rows = zip(times, record['position'], record['speed'], strict=True)
+    own = [(s, joints(s, ['elbow'], [p], [w])) for s, p, w in rows]
+    other = [(s, joints(s, ['gripper'], [0.1], [0.0])) for s in times[::4]]
+    return {**motor_topics(record), SPEED: (JOINT, own[:1] + other + own[1:])}
+
+
+NAMED = tuple(
+    replace(one, field=one.field.replace('[0]', '[name=elbow]')) for one in DEFAULT_SOURCES
+)
+
+
+@pytest.mark.parametrize('sources', [NAMED, DEFAULT_SOURCES], ids=['by_name', 'by_place'])
+def test_another_joint_on_the_same_topic_is_left_out(sources: tuple[Source, ...]) -> None:
+    """At each fourth stamp the gripper's message came first, and the elbow's was out of order."""
+    record = sampled('steps', 0, (), {}).slice(0, 3000)
+    target = pipeline(sources=sources)
+    push(target, with_gripper(record))
+    assert target.foreign == (0, 0, 750)
+    assert target.join.counts.joined == 3000
+    assert target.join.counts.dropped == target.not_finite == 0
+    is_found(target)
+    doubts = [
+        '`motor/speed` has messages of another joint, too (gripper); the one that came first is '
+        'taken, which may be another motor than the one that the voltage belongs to. Choose in a '
+        'msg_config file, e.g. `field: velocity[name=elbow]`'
+    ]
+    assert target.doubts == ([] if sources is NAMED else doubts)
+
+
+def test_the_joint_that_comes_first_is_followed_through_changing_orders() -> None:
+    target = pipeline()
+    for k, names in enumerate((['arm.elbow', 'wrist'], ['wrist', 'arm.elbow'], ['wrist'])):
+        values = {'arm.elbow': 10.0 + k, 'wrist': 20.0 + k}
+        motion = [values[name] for name in names]
+        target.push(2, joints(k, names, motion, motion), 0)
+    assert [row[1][0] for row in target.join._first[2]] == [10.0, 11.0]
+    (doubt,) = target.doubts
+    assert '`motor/speed` carries 2 joints (arm.elbow, wrist); the one' in doubt
+    assert '`field: velocity[name=arm.elbow]`' in doubt

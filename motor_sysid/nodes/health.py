@@ -37,8 +37,8 @@ class Totals:
     ----------
     time, cpu:
         s of the steady clock, and of processor time.
-    received:
-        Messages of each topic.
+    received, foreign:
+        Messages of each topic, and those of them that had none of its signals.
     joined, lost:
         Samples that were complete; messages and samples lost or dropped.
     gaps, missing:
@@ -48,6 +48,7 @@ class Totals:
     time: float
     cpu: float
     received: tuple[int, ...]
+    foreign: tuple[int, ...]
     joined: int
     lost: int
     gaps: int
@@ -95,6 +96,7 @@ class Health:
             time.monotonic(),
             time.process_time(),
             tuple(topic.received for topic in self._topics),
+            pipeline.foreign,
             counts.joined,
             lost + pipeline.not_finite + pipeline.overrun,
             pipeline.stream.gaps,
@@ -114,6 +116,7 @@ class Health:
             'samples': stream.samples,
             'sample_time_s': stream.sample_time,
             **{f'lost {topic.resolved}': topic.lost for topic in self._topics},
+            'foreign': sum(now.foreign),
             'early': counts.early,
             'incomplete': counts.incomplete,
             'out_of_order': counts.out_of_order,
@@ -141,6 +144,11 @@ class Health:
         silent = [topic.resolved for topic, then, since in both if then == since]
         if silent:
             return f'nothing heard of {", ".join(silent)}'
+        for k, topic in enumerate(self._pipeline.plan.topics):
+            heard = now.received[k] - before.received[k]
+            if heard == now.foreign[k] - before.foreign[k]:
+                fields = ' or '.join(f'`{source.field}`' for source in topic.sources)
+                return f'no message of {self._topics[k].resolved} has {fields}'
         if now.joined == before.joined:
             return (
                 'no sample is complete: the stamps of the topics have no time in common; '

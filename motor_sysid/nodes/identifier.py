@@ -101,7 +101,7 @@ class IdentifierNode(LoopNode):
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()
         self._work = LongWork(self.get_logger(), s.effect_files)
-        self._next_look, self._doubt, self._rows_of = 0.0, '', ''
+        self._next_look, self._doubts, self._rows_of = 0.0, set[str](), ''
         self._advertise()
         self._publish_model(now_ns(self.get_clock()))
         if s.refit_period or s.diagnose_period:
@@ -231,7 +231,7 @@ class IdentifierNode(LoopNode):
         if self._pipeline is None:
             self._connect()
             return
-        self._tell_of_stamps(self._pipeline)
+        self._tell_of_messages(self._pipeline)
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
@@ -247,11 +247,12 @@ class IdentifierNode(LoopNode):
             statuses += fit_statuses(self._work.fitted)
         self._model.publish(stamp, statuses)
 
-    def _tell_of_stamps(self, pipeline: Pipeline) -> None:
-        """Say once what is odd about the stamps, and how topics are joined that share none."""
-        if pipeline.doubt != self._doubt:
-            self._doubt = pipeline.doubt
-            self.get_logger().warning(self._doubt)
+    def _tell_of_messages(self, pipeline: Pipeline) -> None:
+        """Say once what is odd about the messages, and how topics are joined that share none."""
+        for doubt in pipeline.doubts:
+            if doubt not in self._doubts:
+                self._doubts.add(doubt)
+                self.get_logger().warning(doubt)
         if pipeline.join.clock != self._rows_of:
             self._rows_of = pipeline.join.clock
             self.get_logger().info(

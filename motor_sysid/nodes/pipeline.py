@@ -56,8 +56,8 @@ class Pipeline:
 
     Attributes
     ----------
-    signals:
-        Every signal of the window, in order.
+    plan, signals:
+        The topics; every signal of the window, in order.
     not_finite:
         Samples with a value that is no finite number where one is needed, and messages without a
         stamp that can be one.
@@ -75,7 +75,7 @@ class Pipeline:
         window: int = 20_000,
         tolerance: int = 0,
     ) -> None:
-        self._plan, self._readers = plan, tuple(readers)
+        self.plan, self._readers = plan, tuple(readers)
         self.join = Joining(plan, window, tolerance)
         self.stream, self.not_finite = stream, 0
         self.signals = plan.signals
@@ -100,13 +100,21 @@ class Pipeline:
         _fall_back(stamps, NEVER)
 
     @property
-    def doubt(self) -> str:
-        """What is odd about the stamps of a topic, in words; empty if nothing is."""
-        return next((reader.doubt for reader in self._readers if reader.doubt), '')
+    def doubts(self) -> list[str]:
+        """What is odd about the messages of the topics, in words."""
+        return [text for reader in self._readers for text in reader.doubts.values()]
+
+    @property
+    def foreign(self) -> tuple[int, ...]:
+        """Messages of each topic that had none of its signals, and were left out."""
+        return tuple(reader.foreign for reader in self._readers)
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
-        stamp, values = self._readers[topic].read(data, received)
+        read = self._readers[topic].read(data, received)
+        if read is None:
+            return
+        stamp, values = read
         if stamp is None:
             self.not_finite += 1
         else:
@@ -148,7 +156,7 @@ class Pipeline:
     def _work(self, rows: Sequence[Row | Sample]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
         read = self.join.read(rows, self._begins(stamps))
-        values = self._plan.with_computed(read.values)
+        values = self.plan.with_computed(read.values)
         good, inputs, outputs = _arrange(values, *self._columns)
         self.not_finite += len(rows) - int(np.count_nonzero(good))
         self.window.append(stamps, values, good)
@@ -211,7 +219,7 @@ class Pipeline:
         return Record(
             time,
             {self.signals[k]: values[:, k] for k in finite},
-            {self.signals[k]: self._plan.sources[k].si_unit() for k in finite},
+            {self.signals[k]: self.plan.sources[k].si_unit() for k in finite},
             Provenance('live topics'),
             samples=self._samples(stamps, {self.signals[k] for k in finite}),
         )

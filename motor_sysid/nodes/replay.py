@@ -147,7 +147,7 @@ def replay(
         time.perf_counter() - begin,
         pipeline.join.counts.dropped,
         _compare(events, recorded) if recorded else None,
-        (*(finding.message for finding in bag.findings), *filter(None, [pipeline.doubt])),
+        (*(finding.message for finding in bag.findings), *pipeline.doubts),
     )
 
 
