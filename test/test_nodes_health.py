@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from test_nodes_pipeline import joint, pipeline, vector
 
 from motor_sysid.nodes.excitation import ExcitationNode
-from motor_sysid.nodes.health import Health
+from motor_sysid.nodes.health import Health, Rhythm
 from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.recorder import RecorderNode
@@ -72,6 +72,13 @@ def test_a_topic_that_is_silent_is_named(heard: tuple[int, ...]) -> None:
     assert intake.take(range(100), heard) == (f'nothing heard of {silent}', True), 'from the start'
     assert intake.take(range(100, 200)) == ('ok', False)
     assert intake.take(range(200, 300), heard) == (f'nothing heard of {silent}', True)
+
+
+def test_a_topic_that_speaks_seldom_is_silent_only_after_long() -> None:
+    """A battery that is heard every other second, and then no more."""
+    rhythm = Rhythm()
+    silent = [t for t in range(20) if rhythm.is_silent(float(t), int(t % 2 == 1 and t < 10))]
+    assert silent == [0, 2, *range(14, 20)], 'at 2 s it is not known yet how often it speaks'
 
 
 def test_stamps_that_never_meet_are_told() -> None:

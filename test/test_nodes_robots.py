@@ -1,14 +1,15 @@
 """The topics of robots as they are: what they lack, at which rates, and who else is there."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from bench_motor import MOTOR
 import numpy as np
 import pytest
-from recording_tools import joints, motor_topics, START, Topic
+from recording_tools import joints, motor_topics, START, Topic, vector
 from slow_motor import sampled
 
+from motor_sysid.nodes import joining
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.topics import DEFAULT_SOURCES
@@ -16,8 +17,8 @@ from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.recording.sources import Source
 from motor_sysid.signals.record import Record
 
-SECOND = 1_000_000_000
-JOINT = 'sensor_msgs/msg/JointState'
+SECOND, MIDDLE = 1_000_000_000, 650_000
+VECTOR, JOINT = 'geometry_msgs/msg/Vector3Stamped', 'sensor_msgs/msg/JointState'
 VOLTAGE, CURRENT, SPEED = '/motor/voltage', '/motor/current', '/motor/speed'
 
 
@@ -32,13 +33,13 @@ def pipeline(
     return given.pipeline(plan, [topic.reader() for topic in plan.topics], 20_000)
 
 
-def push(target: Pipeline, topics: Mapping[str, Topic]) -> None:
-    """Push all messages in the order of reception."""
+def push(target: Pipeline, topics: Mapping[str, Topic], every: int = 13) -> None:
+    """Push all messages in the order of reception, and look at them now and then."""
     numbers = {f'/{t.topic.lstrip("/")}': k for k, t in enumerate(target.plan.topics)}
     rows = [(at, numbers[name], data) for name, (_, own) in topics.items() for at, data in own]
     for k, (received, topic, data) in enumerate(sorted(rows, key=lambda row: row[:2])):
         target.push(topic, data, received)
-        if k % 13 == 0:
+        if k % every == 0:
             target.advance()
     target.advance()
 
@@ -126,3 +127,74 @@ def test_the_joint_that_comes_first_is_followed_through_changing_orders() -> Non
     (doubt,) = target.doubts
     assert '`motor/speed` carries 2 joints (arm.elbow, wrist); the one' in doubt
     assert '`field: velocity[name=arm.elbow]`' in doubt
+
+
+POWERED = (
+    Source('voltage', product=('duty', 'supply_voltage')),
+    Source('duty', topic='motor/voltage', type=VECTOR, field='vector.x', scale=1 / 24),
+    Source('supply_voltage', topic='battery', type=VECTOR, field='vector.x'),
+    *DEFAULT_SOURCES[1:],
+)
+
+
+def beside_a_battery(record: Record, period: float) -> dict[str, Topic]:
+    """Return topics with that of a battery that is measured every so many seconds."""
+    first, last = stamps(record)[0], stamps(record)[-1]
+    times = range(first + 1_234_567, last, round(period * SECOND))
+    return {**motor_topics(record), '/battery': (VECTOR, [(s, vector(s, 24.0)) for s in times])}
+
+
+@pytest.mark.parametrize('period', [0.3, 1.2])
+def test_a_battery_that_is_measured_seldom_is_waited_for_three_times(period: float) -> None:
+    """Twenty of its messages never lay among the last 4096 of the drive."""
+    record = sampled('steps', 0, (), {})
+    target = pipeline(sources=POWERED)
+    push(target, beside_a_battery(record, period))
+    assert target.join.clock == 'motor/voltage'
+    assert target.join.counts.dropped == 0
+    assert target.join.counts.joined >= record.time.size - 1300 * period
+    is_found(target, 0.02)
+
+
+def test_looking_for_how_to_join_costs_little_while_a_topic_is_awaited(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Stamps were compared at each look, thousands at a time."""
+    looks: list[int] = []
+    count = joining._with_partners
+
+    def counted(own: Sequence[Sequence[int]]) -> int:
+        looks.append(sum(map(len, own)))
+        return count(own)
+
+    monkeypatch.setattr(joining, '_with_partners', counted)
+    record = sampled('steps', 0, (), {}).slice(0, 3000)
+    push(pipeline(sources=POWERED), beside_a_battery(record, 0.9))
+    assert len(looks) == 1
+
+
+def test_a_voltage_that_was_sent_once_before_all_else_holds() -> None:
+    record = sampled('steps', 0, (), {}).slice(0, joining.LONG + 800)
+    topics, first = motor_topics(record), stamps(record)[0] - 5_000_000
+    topics[VOLTAGE] = (VECTOR, [(first, vector(first, 6.0))])
+    target = pipeline()
+    push(target, topics)
+    assert target.join.clock == 'motor/speed'
+    assert target.join.counts.joined > joining.LONG + 500
+    assert set(target.window.last()[1][:, 0]) == {6.0}
+
+
+def test_the_choice_and_the_rows_depend_on_the_messages_alone() -> None:
+    """Not on when one looked: the stamps of the drive jitter, and its period was their median."""
+    rng, record = np.random.default_rng(5), sampled('steps', 0, (), {}).slice(0, 600)
+    shaken = replace(record, time=record.time + rng.uniform(0, 7e-4, record.time.size))
+    rows = list(zip(stamps(record), record['position'], record['speed'], strict=True))[::3]
+    own = [(s + MIDDLE, joints(s + MIDDLE, ['m'], [p], [w])) for s, p, w in rows]
+    topics = {**motor_topics(shaken), SPEED: (JOINT, own)}
+    soon, late = pipeline('ekf'), pipeline('ekf')
+    push(soon, topics)
+    push(late, topics, every=700)
+    (stamps_of, values), (others, same) = soon.window.last(), late.window.last()
+    assert np.array_equal(stamps_of, others)
+    assert np.array_equal(values, same)
+    assert soon.stream.estimate() == late.stream.estimate()
