@@ -1,6 +1,6 @@
 """What an identifier was set to: published with the model, and read back by the replay."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +10,7 @@ from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.estimation.stream import EstimateStream, Rates
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.topic_plan import TopicReader
-from motor_sysid.nodes.topics import DC, plan_signals, SignalPlan, untyped
+from motor_sysid.nodes.topics import DC, plan_signals, SignalPlan
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import dump_model, parse_model
 from motor_sysid.recording.sources import Source
@@ -111,13 +111,11 @@ class Configuration:
         """``frame_id`` of the voltages and currents of such a motor."""
         return self.model.kind.frame or DC
 
-    def untyped(self, sources: Sequence[Source]) -> set[str]:
-        """Return the topics to listen to whose type is not given."""
-        return untyped(sources, self.wanted(), self.frame)
-
-    def plan(self, sources: Sequence[Source], base_clock: str = '') -> SignalPlan:
+    def plan(
+        self, sources: Sequence[Source], base_clock: str = '', there: Collection[str] | None = None
+    ) -> SignalPlan:
         """Return what to listen to; see `plan_signals`."""
-        return plan_signals(sources, self.wanted(), self.frame, base_clock)
+        return plan_signals(sources, self.wanted(), self.frame, base_clock, there)
 
     def pipeline(self, plan: SignalPlan, readers: Sequence[TopicReader], window: int) -> Pipeline:
         """Return the working part."""

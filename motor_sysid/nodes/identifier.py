@@ -37,6 +37,7 @@ from motor_sysid.nodes.publishing import (
     now_ns,
     PackedPublisher,
 )
+from motor_sysid.nodes.search import Search
 from motor_sysid.nodes.statuses import (
     diagnosis_statuses,
     diagnosis_summary,
@@ -45,7 +46,7 @@ from motor_sysid.nodes.statuses import (
     Status,
     under,
 )
-from motor_sysid.nodes.topics import sources_of, with_types
+from motor_sysid.nodes.topics import sources_of
 
 FIELDS = {
     'position': 'position', 'speed': 'velocity', 'current': 'effort', 'current_q': 'effort',
@@ -85,8 +86,8 @@ class IdentifierNode(LoopNode):
         self.settings = Settings(self, IdentifierSettings)
         s = self.settings.value
         self.period = s.drain_period
-        self._messages = s.messages()
-        self._sources = sources_of(self._messages)
+        messages = s.messages()
+        self._search = Search(self, sources_of(messages), messages.base_clock)
         with self._patience():
             first = Preparation(s.configuration, 0.0)
             wait_for(lambda: first.running)
@@ -121,14 +122,10 @@ class IdentifierNode(LoopNode):
             said.cancel()
 
     def _connect(self) -> None:
-        """Listen, as soon as the types of all topics are known."""
-        here = dict(self.get_topic_names_and_types())
-        asked = self._configuration.untyped(self._sources)
-        found = {t: here[n][0] for t in asked if (n := self.resolve_topic_name(t)) in here}
-        if asked - set(found):
+        """Listen, as soon as it is known to what."""
+        plan = self._search.plan(self._configuration)
+        if plan is None:
             return
-        sources = with_types(self._sources, found)
-        plan = self._configuration.plan(sources, self._messages.base_clock)
         readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
         self._pipeline = self._configuration.pipeline(
             plan, readers, self.settings.value.window_samples
