@@ -16,6 +16,7 @@ from sensor_msgs.msg import BatteryState, JointState
 from motor_sysid.nodes import search
 from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.loop import LoopNode
+from motor_sysid.nodes.statuses import Status
 
 DUTY = """
 signals:
@@ -87,4 +88,25 @@ def test_an_optional_source_that_nobody_publishes_is_not_waited_for_long(
     now += 0.2
     assert look(node)
     assert {topic.resolved for topic in node._topics} == {f'/{name}' for name in TOPICS}
-    assert told == ['nobody publishes /battery_state: `supply_voltage` is taken from 24 [V]']
+    assert told[-1] == 'nobody publishes /battery_state: `supply_voltage` is taken from 24 [V]'
+
+
+def test_what_is_waited_for_is_told(
+    make_node: Callable[..., LoopNode], other: Node, robot: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """A misspelt topic, whose type is not known, left the node without a word."""
+    robot.write_text(DUTY.replace('motor/current', 'motor/curent'))
+    node = make_node(IdentifierNode, msg_config=str(robot))
+    told, statuses = lines_of(node, monkeypatch), list[Status]()
+    sink = SimpleNamespace(publish=lambda stamp, found: statuses.extend(found))
+    monkeypatch.setattr(node, '_diagnostics', sink)
+    monkeypatch.setattr(search, 'DISCOVERY', 0.2)
+    publish(other, 'battery_state', *TOPICS)
+    line = 'waiting for /motor/curent (nobody publishes it)'
+    wait_for(lambda: (look(node), told.count(line))[1], 'the line')
+    look(node)
+    assert told.count(line) == 1
+    *_, intake, diagnosis = statuses
+    assert (intake.name, intake.message, intake.warn) == ('identifier: intake', line, True)
+    assert diagnosis.name == 'identifier: diagnosis'

@@ -121,17 +121,18 @@ class IdentifierNode(LoopNode):
         finally:
             said.cancel()
 
-    def _connect(self) -> None:
-        """Listen, as soon as it is known to what."""
+    def _connect(self) -> bool:
+        """Listen, as soon as it is known to what; tell whether it is."""
         plan = self._search.plan(self._configuration)
         if plan is None:
-            return
+            return False
         readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
         self._pipeline = self._configuration.pipeline(
             plan, readers, self.settings.value.window_samples
         )
         self._topics = [RawTopic(self, topic.topic, topic.message_type) for topic in plan.topics]
         self._health = Health(self._pipeline, self._topics)
+        return True
 
     def _advertise(self) -> None:
         deep = QoSProfile(depth=100)
@@ -225,18 +226,23 @@ class IdentifierNode(LoopNode):
         if now < self._next_look:
             return
         self._next_look = now + 1.0
-        if self._pipeline is None:
-            self._connect()
+        if self._pipeline is None and self._connect():
             return
-        self._tell_of_messages(self._pipeline)
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
-        fitted = self._work.fitted
-        statuses = self._health.statuses(fitted.noise if fitted else {})
+        statuses = self._intake()
         statuses.append(diagnosis_summary(self._work.diagnosis, self._work.diagnosing))
         statuses += self._condition.statuses()
         self._diagnostics.publish(now_ns(self.get_clock()), under(self.full_name, statuses))
+
+    def _intake(self) -> list[Status]:
+        """Return how the samples come and what the model makes of them, or what is waited for."""
+        if self._pipeline is None:
+            return [Status('intake', {}, self._search.waiting, warn=True)]
+        self._tell_of_messages(self._pipeline)
+        fitted = self._work.fitted
+        return self._health.statuses(fitted.noise if fitted else {})
 
     def _publish_model(self, stamp: int) -> None:
         statuses = [Status('configuration', self._configuration.to_texts())]

@@ -12,6 +12,9 @@ from motor_sysid.recording.sources import Source
 PATIENCE = 5.0
 """Time in s after which another source is taken than the first one that the msg_config names."""
 
+DISCOVERY = 2.0
+"""Time in s in which topics are found that are there already."""
+
 
 class Search:
     """Looks again and again for what the msg_config names, until it is known what to listen to.
@@ -36,7 +39,8 @@ class Search:
 
     def __init__(self, node: Node, sources: Sequence[Source], base_clock: str) -> None:
         self._node, self._sources, self._base_clock = node, sources, base_clock
-        self._since = time.monotonic()
+        self._since = self._awaited_since = time.monotonic()
+        self._told: set[tuple[str, ...]] = set()
         self.awaited: tuple[str, ...] = ()
 
     def plan(self, configuration: Configuration) -> SignalPlan | None:
@@ -53,12 +57,27 @@ class Search:
             if not there.issuperset(other.names):
                 self._since = time.monotonic()
             if time.monotonic() - self._since < PATIENCE:
-                self.awaited = tuple(missing.values())
+                self._wait(tuple(missing.values()))
                 return None
             self._tell(plan, other, ', '.join(missing.values()))
             plan = other
-        self.awaited = tuple(names[topic] for topic in plan.names if topic in plan.untyped)
+        self._wait(tuple(names[topic] for topic in plan.names if topic in plan.untyped))
         return None if self.awaited else plan
+
+    @property
+    def waiting(self) -> str:
+        """What is waited for, in words."""
+        it = 'it' if len(self.awaited) == 1 else 'them'
+        return f'waiting for {", ".join(self.awaited)} (nobody publishes {it})'
+
+    def _wait(self, topics: tuple[str, ...]) -> None:
+        """Wait for topics; say so once, when they have not appeared for a while."""
+        now = time.monotonic()
+        if topics != self.awaited:
+            self.awaited, self._awaited_since = topics, now
+        elif topics and topics not in self._told and now - self._awaited_since >= DISCOVERY:
+            self._told.add(topics)
+            self._node.get_logger().warning(self.waiting)
 
     def _tell(self, plan: SignalPlan, other: SignalPlan, missing: str) -> None:
         """Say what is done without the topics that nobody publishes."""
