@@ -126,6 +126,12 @@ class IdentifierNode(LoopNode):
         plan = self._search.plan(self._configuration)
         if plan is None:
             return False
+        if plan.by_reception and self.get_parameter('use_sim_time').value:
+            raise UserError(
+                f'`stamp: receive` of {plan.by_reception} is the time of reception, not that of '
+                '/clock, which `use_sim_time` asks for: every rate would be wrong. Give the path '
+                'of a stamp in the messages; a simulation that keeps pace needs no `use_sim_time`'
+            )
         readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
         self._pipeline = self._configuration.pipeline(
             plan, readers, self.settings.value.window_samples

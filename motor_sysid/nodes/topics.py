@@ -72,6 +72,11 @@ class SignalPlan:
         return tuple(topic.topic for topic in self.topics)
 
     @property
+    def by_reception(self) -> str:
+        """Topics whose messages have no other stamp than their reception, in words."""
+        return ', '.join(topic.topic for topic in self.topics if topic.stamp == 'receive')
+
+    @property
     def untyped(self) -> set[str]:
         """Topics whose type is not known."""
         return {topic.topic for topic in self.topics if not topic.message_type}
