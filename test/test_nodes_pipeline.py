@@ -383,7 +383,8 @@ SUPPLY = (
 def test_the_first_source_that_is_there_is_taken(
     there: tuple[str, ...] | None, topics: tuple[str, ...], constant: bool
 ) -> None:
-    plan = plan_signals(SUPPLY, ('voltage', 'speed', 'position'), there=there)
+    wanted = ('voltage', 'speed', 'position')
+    plan = plan_signals(SUPPLY, wanted, there=there, spare=wanted[1:])
     assert plan.names == topics
     assert any(source.constant for source in plan.computed) == constant
 
@@ -391,7 +392,8 @@ def test_the_first_source_that_is_there_is_taken(
 def test_an_optional_signal_stays_where_its_topic_is_wanted_for_another() -> None:
     """In the default file the position, which comes with the speed."""
     wanted = ('position', 'voltage', 'current', 'speed')
-    assert set(plan_signals(DEFAULT_SOURCES, wanted, there=()).signals) == set(wanted)
+    plan = plan_signals(DEFAULT_SOURCES, wanted, there=(), spare=wanted)
+    assert set(plan.signals) == set(wanted)
 
 
 def test_a_type_that_is_given_once_holds_for_the_topic() -> None:

@@ -129,7 +129,7 @@ def test_a_model_of_ones_own_takes_no_estimator_where_several_were_recorded(
 def test_a_signal_that_the_bag_lacks_is_named_with_what_it_has(tmp_path: Path) -> None:
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_topic('/arm/motor/voltage', VECTOR)
-    with pytest.raises(UserError, match='has /arm/motor/voltage: no topic carries `current`'):
+    with pytest.raises(UserError, match='has /arm/motor/voltage: no topic carries `speed` or'):
         replay(tmp_path / 'bag', IdentifierSettings().configuration())
 
 

@@ -9,11 +9,13 @@ import pytest
 from recording_tools import joints, motor_topics, START, Topic, vector
 from slow_motor import sampled
 
+from motor_sysid.errors import UserError
 from motor_sysid.nodes import joining
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.topics import DEFAULT_SOURCES
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.recording.sources import Source
 from motor_sysid.signals.record import Record
 
@@ -56,15 +58,25 @@ def stamps(record: Record) -> list[int]:
     return (START + np.round(record.time * SECOND)).astype(np.int64).tolist()
 
 
+@pytest.mark.parametrize('lacking', ['speed', 'position'])
 @pytest.mark.parametrize('estimator', ['rls', 'ekf'])
-def test_joint_states_without_positions_are_enough(estimator: str) -> None:
+def test_joint_states_without_positions_or_speeds_are_enough(
+    estimator: str, lacking: str
+) -> None:
     """Every sample was waited with for a position that never came."""
     record = sampled('steps', 0, (), {}).slice(0, 3000)
-    both = zip(stamps(record), record['speed'], strict=True)
-    messages = [(s, joints(s, ['m'], [], [w])) for s, w in both]
+    rows = zip(stamps(record), record['position'], record['speed'], strict=True)
+    messages = [
+        (s, joints(s, ['m'], [p] if lacking == 'speed' else [], [] if lacking == 'speed' else [w]))
+        for s, p, w in rows
+    ]
     target = pipeline(estimator)
     push(target, {**motor_topics(record), SPEED: (JOINT, messages)})
     is_found(target)
+    window = target.record()
+    assert window is not None
+    assert (len(window), target.not_finite) == (3000, 0)
+    assert set(window) == {'voltage', 'current', 'speed', 'position'} - {lacking}
 
 
 def every_second(record: Record) -> dict[str, Topic]:
@@ -198,3 +210,59 @@ def test_the_choice_and_the_rows_depend_on_the_messages_alone() -> None:
     assert np.array_equal(stamps_of, others)
     assert np.array_equal(values, same)
     assert soon.stream.estimate() == late.stream.estimate()
+
+
+def without(*signals: str) -> tuple[Source, ...]:
+    """Return the default sources but those of some signals."""
+    return tuple(source for source in DEFAULT_SOURCES if source.signal not in signals)
+
+
+@pytest.mark.parametrize('lacking', ['speed', 'position', 'current'])
+def test_a_signal_may_lack_a_source_where_the_estimator_can_do_without(lacking: str) -> None:
+    record = sampled('steps', 0, (), {}).slice(0, 4000)
+    topics = motor_topics(record)
+    target = pipeline('ekf', without(lacking))
+    assert lacking not in target.signals
+    numbers = [f'/{name}' for name in target.plan.names]
+    push(target, {name: topics[name] for name in numbers})
+    assert target.stream.samples == 4000
+    if lacking != 'current':
+        is_found(target)
+
+
+@pytest.mark.parametrize(
+    ('kind', 'lacking', 'message'),
+    [
+        ('brushed_dc', ['speed', 'position'], 'no topic carries `speed` or `position`; name'),
+        ('brushed_dc', ['current'], 'needs `i` measured; name the topic for it, or use the est'),
+        ('brushed_dc', ['voltage'], 'no topic carries `voltage`; name one in the msg_config'),
+        ('bldc', ['position'], 'no topic carries `position`'),
+        ('mechanical_axis', ['current'], '`torque` or `force` or `current` or `current_q`; name'),
+    ],
+)
+def test_what_cannot_be_missed_is_named(kind: str, lacking: list[str], message: str) -> None:
+    sources = without(*lacking, *(['current_q'] if kind == 'mechanical_axis' else []))
+    with pytest.raises(UserError, match=message):
+        Configuration(Model.base(kind)).plan(sources)
+
+
+@pytest.mark.parametrize('drive', ['torque', 'force', 'current', 'current_q'])
+def test_an_axis_is_driven_by_what_the_file_has(drive: str) -> None:
+    time = 1e-3 * np.arange(4000)
+    push_of = 0.5 * np.sign(np.sin(2 * np.pi * 2 * time)) + 0.1 * np.sin(40 * time)
+    axis = Model.base('mechanical_axis', {'J': 2e-3, 'b': 4e-3}, speed_sensor=SpeedSensor.IDEAL)
+    run = simulate(axis, Record(time, {'torque': push_of}, {'torque': 'N m'})).outputs
+    signals = {'voltage': push_of, 'current': push_of, **run}
+    units = {'voltage': 'V', 'current': 'A', 'speed': 'rad/s', 'position': 'rad'}
+    topics = motor_topics(Record(time, signals, units))
+    sources = tuple(
+        replace(source, signal=drive) if source.signal == 'voltage' else source
+        for source in without('current', 'current_q')
+    )
+    given = Configuration(axis.with_values({'J': 3e-3, 'b': 2e-3}))
+    plan = given.plan(sources)
+    target = given.pipeline(plan, [topic.reader() for topic in plan.topics], 5000)
+    push(target, {f'/{name}': topics[f'/{name}'] for name in plan.names})
+    estimate = target.stream.estimate()
+    assert estimate['J'][0] == pytest.approx(2e-3, rel=0.02)
+    assert estimate['b'][0] == pytest.approx(4e-3, rel=0.05)

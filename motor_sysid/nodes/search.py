@@ -1,10 +1,12 @@
 """Find the topics to listen to: of several sources the first one that somebody publishes."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from functools import partial
 import time
 
 from rclpy.node import Node
 
+from motor_sysid.errors import UserError
 from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.topics import SignalPlan, with_types
 from motor_sysid.recording.sources import Source
@@ -52,17 +54,27 @@ class Search:
         sources = with_types(self._sources, known)
         plan = configuration.plan(sources, self._base_clock)
         missing = {topic: names[topic] for topic in plan.names if topic not in there}
-        if configuration.plan(sources, self._base_clock, names.keys() - missing) != plan:
-            other = configuration.plan(sources, self._base_clock, there)
-            if not there.issuperset(other.names):
+        chosen = partial(self._chosen, configuration, sources)
+        if chosen(names.keys() - missing) not in (plan, None):
+            other = chosen(there)
+            if other is None or not there.issuperset(other.names):
                 self._since = time.monotonic()
-            if time.monotonic() - self._since < PATIENCE:
+            if other is None or time.monotonic() - self._since < PATIENCE:
                 self._wait(tuple(missing.values()))
                 return None
             self._tell(plan, other, ', '.join(missing.values()))
             plan = other
         self._wait(tuple(names[topic] for topic in plan.names if topic in plan.untyped))
         return None if self.awaited else plan
+
+    def _chosen(
+        self, configuration: Configuration, sources: Sequence[Source], there: Collection[str]
+    ) -> SignalPlan | None:
+        """Return what would be listened to if that was there; None if it is too little."""
+        try:
+            return configuration.plan(sources, self._base_clock, there)
+        except UserError:
+            return None
 
     @property
     def waiting(self) -> str:

@@ -33,9 +33,6 @@ DEFAULT_CONFIG = MsgConfig(
     {source.signal: (source,) for source in DEFAULT_SOURCES}, origin='of this package'
 )
 
-OPTIONAL = frozenset({'position'})
-"""Signals without which estimation goes on."""
-
 Chosen = dict[str, Source]
 """Signal to the source that was chosen for it."""
 
@@ -126,15 +123,15 @@ def sources_of(config: MsgConfig) -> tuple[Source, ...]:
 
 def plan_signals(
     sources: Sequence[Source], wanted: Sequence[str], frame: str = DC, base_clock: str = '',
-    there: Collection[str] | None = None,
+    there: Collection[str] | None = None, spare: Collection[str] = (),
 ) -> SignalPlan:  # fmt: skip
     """Choose a source for each wanted signal.
 
     It is the first one that can be read live and whose topic is `there` (None: all are), or else
     the first.  No message has come yet: one with a condition on the ``frame_id`` is taken if that
     of the motor kind, `frame`, meets it, one with a condition on another text if an empty one
-    does.  A signal that is not needed is left out where its sources are optional, and their
-    topics are neither there nor wanted for another signal.
+    does.  One of the signals that are `spare` is left out where all its sources are optional, and
+    their topics are neither there nor wanted for another signal.
 
     Raises
     ------
@@ -142,16 +139,13 @@ def plan_signals(
         If a signal has no such source.
     """
     chosen: Chosen = {}
-    spare = {s for s in OPTIONAL if all(one.optional for one in sources if one.signal == s)}
-    for signal in sorted(wanted, key=spare.__contains__):
+    optional = set(spare) - {source.signal for source in sources if not source.optional}
+    for signal in sorted(wanted, key=optional.__contains__):
         ways = _ways(signal, sources, frame, there, chosen)
-        if signal in spare:
+        if ways and signal in optional:
             ways.append(chosen)
         if not ways:
-            raise UserError(
-                f'no topic carries `{signal}`; name one in the msg_config file, or choose a '
-                'motor kind that does not need it'
-            )
+            raise lacking(f'`{signal}`')
         chosen = _nearest(ways, there)
     grouped: dict[tuple[str, str, str, str], list[Source]] = defaultdict(list)
     for source in chosen.values():
@@ -162,6 +156,19 @@ def plan_signals(
     computed = tuple(source for source in chosen.values() if source.derived)
     known = any(source.signal == base_clock for topic in topics for source in topic.sources)
     return SignalPlan(topics, computed, base_clock if known else '')
+
+
+def is_carried(signal: str, sources: Sequence[Source], frame: str = DC) -> bool:
+    """Tell whether a signal has a source that can be read live."""
+    return bool(_ways(signal, sources, frame, None, {}))
+
+
+def lacking(signals: str) -> UserError:
+    """Return the error for signals, in words, that have no source."""
+    return UserError(
+        f'no topic carries {signals}; name one in the msg_config file, or choose a motor kind '
+        'that does not need it'
+    )
 
 
 def with_types(sources: Sequence[Source], types: Mapping[str, str]) -> tuple[Source, ...]:
