@@ -189,6 +189,8 @@ def test_a_new_effect_starts_small_and_the_motor_keeps_what_was_learned() -> Non
         (['inertia_change'], None, 'follows by itself. Call `~/reset`'),
         (['periodic_load'], turning(), 'f to start from: call `~/diagnose` first'),
         (['stribeck_friction'], None, 'none have come yet'),
+        (['stribeck_friction'], turning().slice(0, 99), '99 have come yet'),
+        (['cogging_torque'], turning().slice(0, 12), '12 have come yet'),
         (['stribeck_friction'], turning(0.0), 'at rest'),
         (['cogging_torque'], turning(0.0), 'no number of waves'),
     ],

@@ -97,7 +97,7 @@ def test_the_node_publishes_the_line(
     estimate = {'k_t': (0.8 * TYPE['k_t'], 1e-4, 'N m/A', True)}
     for second in (10, 11):
         node._ask_for_work(SimpleNamespace(stamp=second * SECOND, estimate=estimate))
-    pipeline = SimpleNamespace(doubt='', join=SimpleNamespace(clock=''))
+    pipeline = SimpleNamespace(doubts=[], join=SimpleNamespace(clock=''))
     monkeypatch.setattr(node, '_pipeline', pipeline)
     health = SimpleNamespace(statuses=lambda noise: [])
     monkeypatch.setattr(node, '_health', health, raising=False)

@@ -13,7 +13,7 @@ from rclpy.parameter import Parameter
 from test_nodes_pipeline import joint, pipeline, vector
 
 from motor_sysid.nodes.excitation import ExcitationNode
-from motor_sysid.nodes.health import Health
+from motor_sysid.nodes.health import Health, Rhythm
 from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.loop import LoopNode
 from motor_sysid.nodes.recorder import RecorderNode
@@ -54,6 +54,17 @@ def test_all_is_well_from_the_first_samples_on() -> None:
     assert intake.take(range(10, 500)) == ('ok', False)
 
 
+def test_a_topic_whose_messages_lack_the_signals_is_named() -> None:
+    intake = Intake()
+    for k in range(10):
+        intake.pipeline.push(2, joint(k * STEP, ['wrist'], [], []), 0)
+    for topic in intake.topics:
+        topic.received += 10
+    message = 'no message of /motor/speed has `velocity[0]` or `position[0]`'
+    assert intake.report() == (message, True)
+    assert intake.status.values['foreign'] == 10
+
+
 @pytest.mark.parametrize('heard', [(0, 1), (0, 2), (2,), ()])
 def test_a_topic_that_is_silent_is_named(heard: tuple[int, ...]) -> None:
     silent = ', '.join(TOPICS[k] for k in range(3) if k not in heard)
@@ -61,6 +72,13 @@ def test_a_topic_that_is_silent_is_named(heard: tuple[int, ...]) -> None:
     assert intake.take(range(100), heard) == (f'nothing heard of {silent}', True), 'from the start'
     assert intake.take(range(100, 200)) == ('ok', False)
     assert intake.take(range(200, 300), heard) == (f'nothing heard of {silent}', True)
+
+
+def test_a_topic_that_speaks_seldom_is_silent_only_after_long() -> None:
+    """A battery that is heard every other second, and then no more."""
+    rhythm = Rhythm()
+    silent = [t for t in range(20) if rhythm.is_silent(float(t), int(t % 2 == 1 and t < 10))]
+    assert silent == [0, 2, *range(14, 20)], 'at 2 s it is not known yet how often it speaks'
 
 
 def test_stamps_that_never_meet_are_told() -> None:

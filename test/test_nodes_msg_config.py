@@ -108,3 +108,12 @@ def test_a_stamp_that_the_type_lacks_is_refused(
     drive.write_text(text.replace('stamp_unit: ms', 'type: std_msgs/msg/Float64MultiArray'))
     with pytest.raises(UserError, match=r'Float64MultiArray` of topic `/arm/drive` has no stamp'):
         make_node(IdentifierNode, msg_config=str(drive))
+
+
+def test_reception_is_no_simulated_time(make_node: Callable[..., LoopNode], drive: Path) -> None:
+    """At half the pace of the clock on the wall an inertia came out twice as large."""
+    text = ARRAY.replace("stamp: 'data[0]'", 'stamp: receive').replace(', stamp_unit: ms', '')
+    drive.write_text(text.replace('unit: V', 'unit: V, type: std_msgs/msg/Float64MultiArray'))
+    assert make_node(IdentifierNode, msg_config=str(drive))._pipeline is not None
+    with pytest.raises(UserError, match='receive` of /arm/drive is the time of reception, not'):
+        make_node(IdentifierNode, msg_config=str(drive), use_sim_time=True)

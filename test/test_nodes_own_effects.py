@@ -14,6 +14,8 @@ from motor_sysid.nodes.worker import Worker
 from motor_sysid.physics.effects import catalogue, effect
 
 pytest.importorskip('rclpy')
+from diagnostic_msgs.srv import AddDiagnostics
+
 from motor_sysid.nodes.identifier import IdentifierNode
 from motor_sysid.nodes.motor import MotorNode
 
@@ -64,6 +66,27 @@ def test_a_motor_hides_it_and_an_identifier_has_it(own: str, make_node: Callable
     assert motor.settings.value.model().effects == ('belt_slip',)
     identifier = make_node(IdentifierNode, effect_files=[own], effects=['belt_slip'])
     assert identifier._configuration.model.effects == ('belt_slip',)
+
+
+def test_one_that_cannot_be_compiled_is_refused_and_the_node_lives_on(
+    tmp_path: Path, make_node: Callable
+) -> None:
+    path = tmp_path / 'tabled.py'
+    path.write_text(SLIP.replace('return -c', 'return -TABLE[0] * c') + '\nTABLE = {0: 1.0}\n')
+    node = make_node(IdentifierNode, effect_files=[str(path)])
+    try:
+        ask = AddDiagnostics.Request(load_namespace='tabled')
+        answer = node._on_add(ask, AddDiagnostics.Response())
+        assert not answer.success
+        assert answer.message.startswith('no estimator can be made: TypingError: Untyped global')
+        assert (node._next, node._effects()) == (None, ())
+        ask.load_namespace = 'coulomb_friction'
+        assert node._on_add(ask, AddDiagnostics.Response()).success
+        assert node._effects() == ('coulomb_friction',)
+        with pytest.raises(UserError, match='TABLE'):
+            make_node(IdentifierNode, effect_files=[str(path)], effects=['tabled'])
+    finally:
+        catalogue().pop('tabled', None)
 
 
 def test_the_worker_knows_it_too(own: str) -> None:

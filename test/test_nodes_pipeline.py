@@ -17,7 +17,7 @@ from motor_sysid.nodes.hidden import parse_assignments, scales_of_drive, with_hi
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.sensors import DriveSensors, SensorSettings
 from motor_sysid.nodes.times import Times
-from motor_sysid.nodes.topics import DEFAULT_SOURCES, plan_signals, untyped, with_types
+from motor_sysid.nodes.topics import DEFAULT_SOURCES, plan_signals, with_types
 from motor_sysid.physics.model import Model
 from motor_sysid.recording.field_reader import FieldReader
 from motor_sysid.recording.msg_config import load_msg_config
@@ -354,10 +354,52 @@ def test_a_signal_without_a_topic_is_named() -> None:
     with pytest.raises(UserError, match='torque'):
         plan_signals(DEFAULT_SOURCES, ('torque',))
     sources = [Source('speed', topic='odom', field='x')]
-    assert untyped(sources, ('speed',)) == {'odom'}
-    with pytest.raises(UserError, match='type of `odom`'):
-        plan_signals(sources, ('speed',))
-    assert plan_signals(with_types(sources, {'odom': JOINT}), ('speed',)).signals == ('speed',)
+    assert plan_signals(sources, ('speed',)).untyped == {'odom'}
+    typed = plan_signals(with_types(sources, {'odom': JOINT}), ('speed',))
+    assert (typed.signals, typed.untyped) == (('speed',), set())
+
+
+SUPPLY = (
+    Source('voltage', product=('duty', 'supply_voltage')),
+    Source('duty', topic='drive', field='x'),
+    Source('supply_voltage', topic='battery', field='x', optional=True),
+    Source('supply_voltage', topic='charger', field='x'),
+    Source('supply_voltage', constant=24.0),
+    Source('speed', topic='joints', field='x'),
+    Source('speed', topic='odom', field='x'),
+    Source('position', topic='encoder', field='x', optional=True),
+)
+
+
+@pytest.mark.parametrize(
+    ('there', 'topics', 'constant'),
+    [
+        (None, ('drive', 'battery', 'joints', 'encoder'), False),
+        ((), ('drive', 'joints'), True),
+        (('odom',), ('drive', 'odom'), True),
+        (('charger', 'odom', 'encoder'), ('drive', 'charger', 'odom', 'encoder'), False),
+    ],
+)
+def test_the_first_source_that_is_there_is_taken(
+    there: tuple[str, ...] | None, topics: tuple[str, ...], constant: bool
+) -> None:
+    wanted = ('voltage', 'speed', 'position')
+    plan = plan_signals(SUPPLY, wanted, there=there, spare=wanted[1:])
+    assert plan.names == topics
+    assert any(source.constant for source in plan.computed) == constant
+
+
+def test_an_optional_signal_stays_where_its_topic_is_wanted_for_another() -> None:
+    """In the default file the position, which comes with the speed."""
+    wanted = ('position', 'voltage', 'current', 'speed')
+    plan = plan_signals(DEFAULT_SOURCES, wanted, there=(), spare=wanted)
+    assert set(plan.signals) == set(wanted)
+
+
+def test_a_type_that_is_given_once_holds_for_the_topic() -> None:
+    speed, position = DEFAULT_SOURCES[2:4]
+    typed = with_types([speed, replace(position, type='')], {'motor/speed': 'other'})
+    assert [source.type for source in typed] == [JOINT, JOINT]
 
 
 def test_a_signal_may_be_computed_from_others() -> None:
@@ -390,9 +432,10 @@ def test_a_source_with_a_condition_is_taken_if_no_text_meets_it() -> None:
 @pytest.mark.parametrize('name', ['default', 'ros2_control'])
 def test_shipped_msg_configs_can_be_read_live(name: str) -> None:
     sources = load_msg_config(name).all_sources()
-    topics = untyped(sources, WANTED)
+    topics = plan_signals(sources, WANTED).untyped
     assert topics
-    assert plan_signals(with_types(sources, dict.fromkeys(topics, JOINT)), WANTED).signals
+    typed = with_types(sources, dict.fromkeys(topics, JOINT))
+    assert not plan_signals(typed, WANTED).untyped
 
 
 # --- the simulated drive

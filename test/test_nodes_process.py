@@ -112,6 +112,22 @@ def test_every_node_ends_with_code_0_however_it_is_asked(
     assert (tmp_path / 'bag' / 'metadata.yaml').exists()
 
 
+@pytest.mark.parametrize('started_by_nohup', [True, False])
+def test_a_node_outlives_its_terminal_where_it_was_told_to(
+    started_by_nohup: bool, tmp_path: Path
+) -> None:
+    handler = signal.signal(HUP, signal.SIG_IGN if started_by_nohup else signal.SIG_DFL)
+    try:
+        with nodes(recorder=parameters(path=tmp_path / 'bag')) as running:
+            node = running['recorder']
+            status = Path(f'/proc/{node.process.pid}/status').read_text()
+            (ignored,) = (x.split()[1] for x in status.splitlines() if x.startswith('SigIgn'))
+            assert bool(int(ignored, 16) & 1 << (HUP - 1)) == started_by_nohup
+            assert node.end(HUP, *([INT] if started_by_nohup else [])) == 0
+    finally:
+        signal.signal(HUP, handler)
+
+
 def test_the_controller_leaves_the_motor_at_zero_volts(other: Node) -> None:
     voltage = RawTopic(other, '/motor/voltage_command', VECTOR)
     from motor_sysid.recording.field_reader import FieldReader

@@ -1,6 +1,7 @@
 """Replay of bags with several motors: never the topics of two of them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 import math
 from pathlib import Path
 
@@ -128,8 +129,30 @@ def test_a_model_of_ones_own_takes_no_estimator_where_several_were_recorded(
 def test_a_signal_that_the_bag_lacks_is_named_with_what_it_has(tmp_path: Path) -> None:
     with BagWriter(tmp_path / 'bag') as writer:
         writer.add_topic('/arm/motor/voltage', VECTOR)
-    with pytest.raises(UserError, match='has /arm/motor/voltage: no topic carries `current`'):
+    with pytest.raises(UserError, match='has /arm/motor/voltage: no topic carries `speed` or'):
         replay(tmp_path / 'bag', IdentifierSettings().configuration())
+
+
+def test_that_times_of_reception_differ_is_told(bag: Path, tmp_path: Path) -> None:
+    with BagWriter(tmp_path / 'checked') as writer:
+        for place, signal in SHIFTED:
+            if place == 'left':
+                writer.add_topic(f'/motor/{signal}', JOINT if signal == 'speed' else VECTOR)
+        writer.add_topic('/identifier/estimate', DIAGNOSTICS)
+        status = Status('samples', {'samples': 1, 'first_stamp': STEP, 'digest': ''})
+        data = pack_diagnostics(STEP, '/identifier', [status])
+        writer.write('/identifier/estimate', STEP, data)
+        for k in range(100):
+            for signal, data in messages(1.0, STEP * (k + 1)).items():
+                writer.write(f'/motor/{signal}', STEP * (k + 1), data)
+    config = load_msg_config('default')
+    sources = {n: tuple(replace(s, stamp='receive') for s in o) for n, o in config.sources.items()}
+    configuration = IdentifierSettings().configuration()
+    (note,) = replay(
+        tmp_path / 'checked', configuration, replace(config, sources=sources)
+    ).notes
+    assert 'stamped by reception, of which recorder and identifier each have their own' in note
+    assert not replay(tmp_path / 'checked', configuration).notes
 
 
 def test_the_default_topics_are_those_of_the_shipped_file() -> None:

@@ -164,6 +164,31 @@ def test_nothing_is_identifiable_without_motion(key):
     assert not any(found[name].identifiable for name in ('L', 'k_t', 'J', 'b'))
 
 
+@pytest.mark.parametrize('missing', ['speed', 'position'])
+@pytest.mark.parametrize('key', ESTIMATORS)
+def test_one_of_speed_and_position_that_is_never_measured_is_as_if_not_named(key, missing):
+    rows = samples()[:1500].copy()
+    columns = {'current': 2, 'speed': 3, 'position': 4}
+    rows[:, columns[missing]] = np.nan
+    named = feed(identifier(key, outputs=tuple(columns)), rows, outputs=columns.values())
+    del columns[missing]
+    plain = feed(identifier(key, outputs=tuple(columns)), rows, outputs=columns.values())
+    assert named.estimate() == plain.estimate()
+    assert key == OBSERVER or named.estimate()['J'].identifiable
+    assert np.isnan(named.prediction()[missing])
+    assert named.prediction()['current'] == plain.prediction()['current']
+
+
+@pytest.mark.parametrize('key', RECOMMENDED)
+def test_a_position_that_comes_later_is_taken_from_there_on(key):
+    rows = samples()[:2500].copy()
+    rows[:700, 4] = np.nan
+    late = feed(identifier(key, outputs=('current', 'speed', 'position')), rows, outputs=(2, 3, 4))
+    assert (late.samples, late.gaps) == (2500, 0)
+    assert np.isfinite(late.prediction()['position'])
+    assert late.estimate()['J'].value == pytest.approx(TRUE['J'], rel=0.05)
+
+
 @pytest.mark.parametrize('key', RECOMMENDED)
 def test_information_is_lost_slowly_without_excitation(key):
     online = feed(identifier(key), no_motion(samples()[:4000].copy()))
@@ -213,15 +238,16 @@ from motor_sysid.estimation.online import OnlineIdentifier
 from online_tools import start_model
 
 rows = samples(1.6).copy()
-rows[700, 2] = rows[720:730, 3] = rows[650, 1] = float('nan')
+rows[700, 2] = rows[720:730, 3] = rows[650, 1] = rows[:900, 4] = float('nan')
 model = wrong_motor().with_effect('armature_heating').with_effect('cogging_torque', {'n': 6.0})
 for key in sys.argv[1:]:
     model_of = start_model(key, model)
-    online = OnlineIdentifier(model_of, key, DT, ['voltage'], ['current', 'speed'])
+    outputs = ['current', 'speed', 'position']
+    online = OnlineIdentifier(model_of, key, DT, ['voltage'], outputs)
     compiled = [found for found in gc.get_objects() if isinstance(found, Dispatcher)]
     before = [len(one.overloads) for one in compiled]
     for part in (rows[:50], *np.split(rows[50:800], 250), rows[1000:]):
-        online.update(part[:, 0], part[:, 1:2], part[:, 2:4])
+        online.update(part[:, 0], part[:, 1:2], part[:, 2:5])
         online.estimate()
     late = [one.py_func for one, n in zip(compiled, before) if len(one.overloads) > n]
     assert not late, (key, late)

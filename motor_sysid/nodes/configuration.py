@@ -1,7 +1,8 @@
 """What an identifier was set to: published with the model, and read back by the replay."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -10,12 +11,14 @@ from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.estimation.stream import EstimateStream, Rates
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.topic_plan import TopicReader
-from motor_sysid.nodes.topics import DC, plan_signals, SignalPlan, untyped
+from motor_sysid.nodes.topics import DC, is_carried, lacking, plan_signals, SignalPlan
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import dump_model, parse_model
 from motor_sysid.recording.sources import Source
 
 SECOND = 1_000_000_000
+TYPICAL = 0.002
+"""Sample time in s as long as it is not known."""
 
 
 @dataclass(frozen=True)
@@ -89,35 +92,57 @@ class Configuration:
 
     def warm_up(self) -> None:
         """Have everything compiled before the first sample comes."""
-        online = self.make(self.sample_time or 0.002)
+        online = self.make(self.sample_time or TYPICAL)
         inputs, outputs = np.ones((4, len(self.inputs()))), np.ones((4, len(self.outputs())))
         online.update(online.dt * np.arange(1.0, 5.0), inputs, outputs)
         online.estimate()
 
     def inputs(self) -> tuple[str, ...]:
-        """Return the signals that drive the model."""
+        """Return the signals that drive the model, by the names that the estimator is given."""
         return self.model.kind.inputs[0]
 
     def outputs(self) -> tuple[str, ...]:
         """Return the measured signals that the estimator is given; some may be missing."""
         return tuple(output.signal for output in self.model.kind.outputs)
 
-    def wanted(self) -> tuple[str, ...]:
-        """Return the signals to listen to."""
-        return (*self.inputs(), *self.outputs())
-
     @property
     def frame(self) -> str:
         """``frame_id`` of the voltages and currents of such a motor."""
         return self.model.kind.frame or DC
 
-    def untyped(self, sources: Sequence[Source]) -> set[str]:
-        """Return the topics to listen to whose type is not given."""
-        return untyped(sources, self.wanted(), self.frame)
+    def plan(
+        self, sources: Sequence[Source], base_clock: str = '', there: Collection[str] | None = None
+    ) -> SignalPlan:
+        """Return what to listen to; see `plan_signals`.
 
-    def plan(self, sources: Sequence[Source], base_clock: str = '') -> SignalPlan:
-        """Return what to listen to; see `plan_signals`."""
-        return plan_signals(sources, self.wanted(), self.frame, base_clock)
+        The model is driven by the first set of inputs that has sources.  Outputs may be missing as
+        far as the estimator can do without.
+
+        Raises
+        ------
+        UserError
+            If no set of inputs has sources, or too few of the outputs.
+        """
+        sets = self.model.kind.inputs
+        carried = partial(is_carried, sources=sources, frame=self.frame)
+        inputs = next((names for names in sets if all(map(carried, names))), None)
+        if inputs is None:
+            raise lacking(' or '.join(' and '.join(f'`{n}`' for n in names) for names in sets))
+        outputs = tuple(filter(carried, self.outputs()))
+        wanted = *inputs, *outputs
+        plan = plan_signals(sources, wanted, self.frame, base_clock, there, outputs)
+        self._check([name for name in outputs if name in plan.signals])
+        return plan
+
+    def _check(self, outputs: Sequence[str]) -> None:
+        """Refuse outputs with which the estimator does not go on."""
+        if not {'speed', 'position'} & set(outputs):
+            raise lacking('`speed` or `position`')
+        if self.model.kind.needs_position and 'position' not in outputs:
+            raise lacking('`position`')
+        if len(outputs) < len(self.outputs()):
+            sample_time = self.sample_time or TYPICAL
+            OnlineIdentifier(self.model, self.estimator, sample_time, self.inputs(), outputs)
 
     def pipeline(self, plan: SignalPlan, readers: Sequence[TopicReader], window: int) -> Pipeline:
         """Return the working part."""
@@ -130,7 +155,7 @@ class Configuration:
             plan,
             readers,
             EstimateStream(self.make, rates),
-            self.inputs(),
+            next(names for names in self.model.kind.inputs if {*names} <= {*plan.signals}),
             self.outputs(),
             window,
             round(SECOND * self.tolerance),

@@ -13,6 +13,8 @@ from motor_sysid.signals.record import Record
 
 ASK_FIRST = 'call `~/diagnose` first, which finds the value, then add it'
 _REST = 1e-9
+_LEAST = 100
+"""Samples that tell something of how the motor moves."""
 
 
 def edited(
@@ -109,10 +111,10 @@ def _start(model: Model, one: Effect, record: Record | None) -> dict[str, float]
 
 
 def _shape(model: Model, one: Effect, shape: Shape, record: Record | None) -> float:
-    if record is None:
+    if record is None or len(record) < _LEAST:
         raise UserError(
-            f'`{one.key}` needs samples to start from, and none have come yet: add it while the '
-            'motor turns, or start from a `model_file` that has it'
+            f'`{one.key}` needs samples to start from, and {len(record) if record else "none"} '
+            'have come yet: add it while the motor turns, or start from a `model_file` that has it'
         )
     if shape.name == one.card.orders:
         from motor_sysid.diagnosis.candidates.matched_filter import Matched, STANDS_OUT

@@ -18,6 +18,8 @@ ERRORS = 500
 """Residuals over which the model error is averaged."""
 PAUSE = 10
 """One gap of more samples than this was a pause, not a loss."""
+SELDOM = 3
+"""Mean times between two messages of a topic after which it is silent."""
 
 
 @dataclass
@@ -37,8 +39,8 @@ class Totals:
     ----------
     time, cpu:
         s of the steady clock, and of processor time.
-    received:
-        Messages of each topic.
+    received, foreign:
+        Messages of each topic, and those of them that had none of its signals.
     joined, lost:
         Samples that were complete; messages and samples lost or dropped.
     gaps, missing:
@@ -48,10 +50,27 @@ class Totals:
     time: float
     cpu: float
     received: tuple[int, ...]
+    foreign: tuple[int, ...]
     joined: int
     lost: int
     gaps: int
     missing: int
+
+
+class Rhythm:
+    """How often a topic is heard: one that speaks seldom is not silent in between."""
+
+    def __init__(self) -> None:
+        self._first, self._last, self._count = math.nan, math.nan, 0
+
+    def is_silent(self, now: float, heard: int) -> bool:
+        """Tell whether it is silent now, in s, after so many messages since the last report."""
+        if heard:
+            self._first = self._first if self._count else now
+            self._last, self._count = now, self._count + heard
+            return False
+        usual = (self._last - self._first) / max(self._count, 1)
+        return not self._count or now - self._last > SELDOM * usual
 
 
 class Health:
@@ -67,6 +86,7 @@ class Health:
         self._pipeline, self._topics = pipeline, topics
         self._intake, self._times, self._cpu = Times(), Times(), Times()
         self._residuals: dict[str, deque[float]] = {}
+        self._rhythms = [Rhythm() for _ in topics]
         self._before = self._totals()
         self.refits = 0
 
@@ -95,6 +115,7 @@ class Health:
             time.monotonic(),
             time.process_time(),
             tuple(topic.received for topic in self._topics),
+            pipeline.foreign,
             counts.joined,
             lost + pipeline.not_finite + pipeline.overrun,
             pipeline.stream.gaps,
@@ -114,6 +135,7 @@ class Health:
             'samples': stream.samples,
             'sample_time_s': stream.sample_time,
             **{f'lost {topic.resolved}': topic.lost for topic in self._topics},
+            'foreign': sum(now.foreign),
             'early': counts.early,
             'incomplete': counts.incomplete,
             'out_of_order': counts.out_of_order,
@@ -137,11 +159,18 @@ class Health:
 
     def _trouble(self, before: Totals, now: Totals) -> str:
         """Say what has gone wrong since the last report, or nothing."""
-        both = zip(self._topics, before.received, now.received, strict=True)
-        silent = [topic.resolved for topic, then, since in both if then == since]
+        news = [since - then for then, since in zip(before.received, now.received, strict=True)]
+        both = zip(self._topics, self._rhythms, news, strict=True)
+        silent = [topic.resolved for topic, one, new in both if one.is_silent(now.time, new)]
         if silent:
             return f'nothing heard of {", ".join(silent)}'
-        if now.joined == before.joined:
+        for k, topic in enumerate(self._pipeline.plan.topics):
+            if news[k] and news[k] == now.foreign[k] - before.foreign[k]:
+                fields = ' or '.join(f'`{source.field}`' for source in topic.sources)
+                return f'no message of {self._topics[k].resolved} has {fields}'
+        if now.joined == before.joined and all(news):
+            if self._pipeline.join.waits:
+                return 'waiting for the first messages of each topic, which tell how to join them'
             return (
                 'no sample is complete: the stamps of the topics have no time in common; '
                 'synchronise the clocks, or give `stamp: receive` in a msg_config file'

@@ -37,6 +37,7 @@ from motor_sysid.nodes.publishing import (
     now_ns,
     PackedPublisher,
 )
+from motor_sysid.nodes.search import Search
 from motor_sysid.nodes.statuses import (
     diagnosis_statuses,
     diagnosis_summary,
@@ -45,7 +46,7 @@ from motor_sysid.nodes.statuses import (
     Status,
     under,
 )
-from motor_sysid.nodes.topics import sources_of, with_types
+from motor_sysid.nodes.topics import sources_of
 
 FIELDS = {
     'position': 'position', 'speed': 'velocity', 'current': 'effort', 'current_q': 'effort',
@@ -85,8 +86,8 @@ class IdentifierNode(LoopNode):
         self.settings = Settings(self, IdentifierSettings)
         s = self.settings.value
         self.period = s.drain_period
-        self._messages = s.messages()
-        self._sources = sources_of(self._messages)
+        messages = s.messages()
+        self._search = Search(self, sources_of(messages), messages.base_clock)
         with self._patience():
             first = Preparation(s.configuration, 0.0)
             wait_for(lambda: first.running)
@@ -101,7 +102,7 @@ class IdentifierNode(LoopNode):
         self._topics: list[RawTopic] = []
         self._outbox: deque[Sending] = deque()
         self._work = LongWork(self.get_logger(), s.effect_files)
-        self._next_look, self._doubt, self._rows_of = 0.0, '', ''
+        self._next_look, self._doubts, self._rows_of = 0.0, set[str](), ''
         self._advertise()
         self._publish_model(now_ns(self.get_clock()))
         if s.refit_period or s.diagnose_period:
@@ -120,21 +121,24 @@ class IdentifierNode(LoopNode):
         finally:
             said.cancel()
 
-    def _connect(self) -> None:
-        """Listen, as soon as the types of all topics are known."""
-        here = dict(self.get_topic_names_and_types())
-        asked = self._configuration.untyped(self._sources)
-        found = {t: here[n][0] for t in asked if (n := self.resolve_topic_name(t)) in here}
-        if asked - set(found):
-            return
-        sources = with_types(self._sources, found)
-        plan = self._configuration.plan(sources, self._messages.base_clock)
+    def _connect(self) -> bool:
+        """Listen, as soon as it is known to what; tell whether it is."""
+        plan = self._search.plan(self._configuration)
+        if plan is None:
+            return False
+        if plan.by_reception and self.get_parameter('use_sim_time').value:
+            raise UserError(
+                f'`stamp: receive` of {plan.by_reception} is the time of reception, not that of '
+                '/clock, which `use_sim_time` asks for: every rate would be wrong. Give the path '
+                'of a stamp in the messages; a simulation that keeps pace needs no `use_sim_time`'
+            )
         readers = [topic.reader(installed_types(topic.message_type)) for topic in plan.topics]
         self._pipeline = self._configuration.pipeline(
             plan, readers, self.settings.value.window_samples
         )
         self._topics = [RawTopic(self, topic.topic, topic.message_type) for topic in plan.topics]
         self._health = Health(self._pipeline, self._topics)
+        return True
 
     def _advertise(self) -> None:
         deep = QoSProfile(depth=100)
@@ -228,18 +232,23 @@ class IdentifierNode(LoopNode):
         if now < self._next_look:
             return
         self._next_look = now + 1.0
-        if self._pipeline is None:
-            self._connect()
+        if self._pipeline is None and self._connect():
             return
-        self._tell_of_stamps(self._pipeline)
         for topic in self._topics:
             if topic.adapt():
                 self.get_logger().info(f'{topic.resolved}: now as its publisher offers it')
-        fitted = self._work.fitted
-        statuses = self._health.statuses(fitted.noise if fitted else {})
+        statuses = self._intake()
         statuses.append(diagnosis_summary(self._work.diagnosis, self._work.diagnosing))
         statuses += self._condition.statuses()
         self._diagnostics.publish(now_ns(self.get_clock()), under(self.full_name, statuses))
+
+    def _intake(self) -> list[Status]:
+        """Return how the samples come and what the model makes of them, or what is waited for."""
+        if self._pipeline is None:
+            return [Status('intake', {}, self._search.waiting, warn=True)]
+        self._tell_of_messages(self._pipeline)
+        fitted = self._work.fitted
+        return self._health.statuses(fitted.noise if fitted else {})
 
     def _publish_model(self, stamp: int) -> None:
         statuses = [Status('configuration', self._configuration.to_texts())]
@@ -247,11 +256,12 @@ class IdentifierNode(LoopNode):
             statuses += fit_statuses(self._work.fitted)
         self._model.publish(stamp, statuses)
 
-    def _tell_of_stamps(self, pipeline: Pipeline) -> None:
-        """Say once what is odd about the stamps, and how topics are joined that share none."""
-        if pipeline.doubt != self._doubt:
-            self._doubt = pipeline.doubt
-            self.get_logger().warning(self._doubt)
+    def _tell_of_messages(self, pipeline: Pipeline) -> None:
+        """Say once what is odd about the messages, and how topics are joined that share none."""
+        for doubt in pipeline.doubts:
+            if doubt not in self._doubts:
+                self._doubts.add(doubt)
+                self.get_logger().warning(doubt)
         if pipeline.join.clock != self._rows_of:
             self._rows_of = pipeline.join.clock
             self.get_logger().info(

@@ -1,6 +1,6 @@
 """How the messages of several topics become rows: by equal stamps, or by clocks of their own."""
 
-from collections import deque
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,8 +26,15 @@ SECOND = 1_000_000_000
 LOOKS = ((3, 0.9), (20, 0.5))
 """After so many messages of each topic their stamps are equal if at least this share of those of
 the fastest topic has partners; after the last look they are not."""
+ALIKE = 1.5
+"""Topics whose median steps differ by more than this factor do not come from one cycle, though
+the slower one may share its stamps with every second message of the faster one."""
+SLOW = 10
+"""A measured topic of which so many times fewer messages came has a clock of its own."""
 LONG = 2000
 """With so many messages of one topic, an input or a reference that says less is sent on change."""
+KEPT = 8 * LIMIT
+"""Most messages of one topic that wait for slower ones: three at 1 Hz beside 10 kHz."""
 
 
 @dataclass(frozen=True)
@@ -77,7 +84,7 @@ class Joining:
         self._join: StampJoin | _Clocks | None = None
         if tolerance or len(plan.topics) < 2:
             self._join = StampJoin(len(plan.topics), tolerance=tolerance, counts=self.counts)
-        self._first: tuple[deque[Row], ...] = tuple(deque() for _ in plan.topics)
+        self._first: tuple[list[Row], ...] = tuple([] for _ in plan.topics)
         self._held = [Role.MEASURED not in _roles(topic) for topic in plan.topics]
         self._angles = Angles(plan.read)
         self._compile()
@@ -93,6 +100,13 @@ class Joining:
             return 'not known yet'
         return self.clock or 'equal stamps'
 
+    @property
+    def waits(self) -> bool:
+        """Whether all topics are heard, at the same time, but seldom enough to wait for more."""
+        if self._join is not None or not all(self._first):
+            return False
+        return max(q[0][0] for q in self._first) <= min(q[-1][0] for q in self._first)
+
     def push(self, topic: int, stamp: int, values: Values) -> None:
         """Take one message: its stamp in ns and its values as they were sent."""
         if self._join is not None:
@@ -106,9 +120,9 @@ class Joining:
             for one in self._first:
                 self.counts.early += len(one)
                 one.clear()
-        if len(queue) >= LIMIT:
-            queue.popleft()
-            self.counts.early += 1
+        if len(queue) >= KEPT:
+            del queue[:LIMIT]
+            self.counts.early += LIMIT
         queue.append((stamp, values))
 
     def pop(self) -> Sequence[Row | Sample]:
@@ -132,37 +146,52 @@ class Joining:
     def _choose(self) -> None:
         """Choose how to join, if the first messages tell."""
         begin = max(queue[0][0] for queue in self._first)
-        stamps = [[row[0] for row in queue if row[0] >= begin] for queue in self._first]
+        starts = [bisect_left(queue, begin, key=_stamp) for queue in self._first]
         for count, share in LOOKS:
-            last = self._end(stamps, count)
-            if last is None:
+            end = self._end(starts, count)
+            if end is None:
                 return
-            seen = [[stamp for stamp in own if stamp <= last] for own in stamps]
-            if _with_partners(seen) >= share * max(map(len, seen)):
+            seen = [
+                [stamp for stamp, _ in queue[start : bisect_right(queue, end, key=_stamp)]]
+                for queue, start in zip(self._first, starts, strict=True)
+            ]
+            most = max(map(len, seen))
+            if _with_partners(seen) >= share * most and _are_alike(seen):
                 self._join = StampJoin(len(seen), counts=self.counts)
                 break
-        else:
-            signals = [[source.signal for source in topic.sources] for topic in self._plan.topics]
-            base = fastest([len(own) for own in seen], signals, self._plan.base_clock)
-            self.clock = self._plan.topics[base].topic
-            self._join = _Clocks(self._plan, stamps, base, self.counts, self._window)
+            measured = [own for own, held in zip(seen, self._held, strict=True) if not held]
+            if most >= SLOW * min(map(len, measured)):
+                break
+        self._hand_on(self._join or self._clocks(seen))
+
+    def _end(self, starts: Sequence[int], count: int) -> int | None:
+        """Return the stamp up to which so many messages of each topic are known; None if not.
+
+        Those at `starts` are the first that count.
+        """
+        queues = [(q, start, len(q) - start) for q, start in zip(self._first, starts, strict=True)]
+        busy = max(size for *_, size in queues) >= LONG
+        for held, (*_, size) in zip(self._held, queues, strict=True):
+            if size < count and not (held and busy):
+                return None
+        told = [(queue, start) for queue, start, size in queues if size >= count]
+        end = max(queue[start + count - 1][0] for queue, start in told)
+        return end if all(queue[-1][0] >= end for queue, _ in told) else None
+
+    def _clocks(self, stamps: Sequence[Sequence[int]]) -> '_Clocks':
+        """Return a join on the stamps of one topic, by those of the first messages of each."""
+        signals = [[source.signal for source in topic.sources] for topic in self._plan.topics]
+        base = fastest([len(own) for own in stamps], signals, self._plan.base_clock)
+        self.clock = self._plan.topics[base].topic
+        return _Clocks(self._plan, stamps, base, self.counts, self._window)
+
+    def _hand_on(self, join: 'StampJoin | _Clocks') -> None:
+        """Give the messages that waited for the choice to what was chosen."""
+        self._join = join
         for k, queue in enumerate(self._first):
             for stamp, values in queue:
-                self._join.push(k, stamp, values)
+                join.push(k, stamp, values)
             queue.clear()
-
-    def _end(self, stamps: Sequence[Sequence[int]], count: int) -> int | None:
-        """Return the stamp up to which so many messages of each topic are known; None if not."""
-        busy = max(map(len, stamps)) >= LONG
-        last = [
-            own[count - 1] if len(own) >= count else -1 if held and busy else None
-            for own, held in zip(stamps, self._held, strict=True)
-        ]
-        if None in last:
-            return None
-        end = max(stamp for stamp in last if stamp is not None)
-        known = all(own[-1] >= end for own in stamps if len(own) >= count)
-        return end if known else None
 
 
 class _Clocks:
@@ -176,8 +205,11 @@ class _Clocks:
         window: int,
     ) -> None:  # fmt: skip
         self._topics, self._counts, self._base = plan.topics, counts, base
-        clocks = [_clock(t, np.array(own)) for t, own in zip(plan.topics, stamps, strict=True)]
-        self._join = ClockJoin(clocks, base, counts)
+        clocks = [
+            _clock(topic, np.array(own, dtype=np.int64))
+            for topic, own in zip(plan.topics, stamps, strict=True)
+        ]
+        self._join = ClockJoin(clocks, base, counts, KEPT)
         sizes = [len(topic.sources) for topic in plan.topics]
         self._angles = [Angles(topic.sources) for topic in plan.topics]
         self._windows = [Window(window, size) for size in sizes]
@@ -250,6 +282,10 @@ class _Clocks:
         return found
 
 
+def _stamp(row: Row) -> int:
+    return row[0]
+
+
 def _roles(topic: TopicPlan) -> tuple[Role, ...]:
     return tuple(role_of(source.signal) for source in topic.sources)
 
@@ -258,7 +294,7 @@ def _clock(topic: TopicPlan, stamps: Stamps) -> Clock:
     """Return how a topic keeps time, by the stamps of its first messages (N,)."""
     roles = _roles(topic)
     steps = np.diff(stamps)
-    reach = gap_limit((stamps - stamps[0]) / SECOND)
+    reach = gap_limit((stamps - stamps[:1]) / SECOND)
     on_change = Role.MEASURED not in roles and not is_regular(stamps)
     return Clock(
         (*roles, *(Role.STEPPED for _ in roles)),
@@ -274,3 +310,9 @@ def _with_partners(stamps: Sequence[Sequence[int]]) -> int:
         for stamp in own:
             join.push(topic, stamp, ())
     return len(join.pop())
+
+
+def _are_alike(stamps: Sequence[Sequence[int]]) -> bool:
+    """Tell whether topics, of some messages each, are equally fast."""
+    steps = [float(np.median(np.diff(own))) for own in stamps]
+    return max(steps) <= ALIKE * min(steps)

@@ -127,7 +127,8 @@ class Loop:
 class _Stop:
     """Set by the first signal; the others change nothing, so that closing is never cut short.
 
-    rclpy's own handlers would end the context at once, and with it the chance to publish 0 V.
+    rclpy's own handlers would end the context at once, and with it the chance to publish 0 V.  A
+    program that ``nohup`` has started outlives its terminal.
     """
 
     latest: '_Stop | None' = None
@@ -136,7 +137,8 @@ class _Stop:
         self.asked = False
         _Stop.latest = self
         for number in SIGNALS:
-            signal.signal(number, self._ask)
+            if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:
+                signal.signal(number, self._ask)
 
     def _ask(self, number: int, frame: FrameType | None) -> None:
         self.asked = True

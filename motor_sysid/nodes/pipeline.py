@@ -17,7 +17,7 @@ from motor_sysid.estimation.stream import EstimateStream, Event
 from motor_sysid.machine_code import kept
 from motor_sysid.nodes.joining import Joining
 from motor_sysid.nodes.topic_plan import TopicReader
-from motor_sysid.nodes.topics import OPTIONAL, SignalPlan
+from motor_sysid.nodes.topics import SignalPlan
 from motor_sysid.nodes.window import Window
 from motor_sysid.signals.clock_join import Sample
 from motor_sysid.signals.join import Row
@@ -56,8 +56,8 @@ class Pipeline:
 
     Attributes
     ----------
-    signals:
-        Every signal of the window, in order.
+    plan, signals:
+        The topics; every signal of the window, in order.
     not_finite:
         Samples with a value that is no finite number where one is needed, and messages without a
         stamp that can be one.
@@ -75,15 +75,16 @@ class Pipeline:
         window: int = 20_000,
         tolerance: int = 0,
     ) -> None:
-        self._plan, self._readers = plan, tuple(readers)
+        self.plan, self._readers = plan, tuple(readers)
         self.join = Joining(plan, window, tolerance)
         self.stream, self.not_finite = stream, 0
         self.signals = plan.signals
         self._columns = (
-            np.array([k for k, name in enumerate(self.signals) if name not in OPTIONAL]),
             np.array([self.signals.index(name) for name in inputs]),
             np.array([self.signals.index(n) if n in self.signals else -1 for n in outputs]),
         )
+        self._speed = self.signals.index('speed') if 'speed' in self.signals else -1
+        self._needed = self._without('speed' if 'position' in self.signals else '')
         self.window = Window(window, len(self.signals))
         self._last = NEVER
         self._compile()
@@ -95,18 +96,33 @@ class Pipeline:
     def _compile(self) -> None:
         """Compile everything before the first sample."""
         stamps, values = np.zeros(1, dtype=np.int64), np.zeros((1, len(self.signals)))
-        self.window.append(stamps, values, _arrange(values, *self._columns)[0])
+        self.window.append(stamps, values, _arrange(values, self._needed, *self._columns)[0])
         self.window.clear()
         _fall_back(stamps, NEVER)
 
+    def _without(self, spare: str) -> NDArray[np.int64]:
+        """Return the columns without which no sample is good: all but that of one signal.
+
+        It is the position, or the speed as long as that has had no value.
+        """
+        return np.array([k for k, name in enumerate(self.signals) if name != spare])
+
     @property
-    def doubt(self) -> str:
-        """What is odd about the stamps of a topic, in words; empty if nothing is."""
-        return next((reader.doubt for reader in self._readers if reader.doubt), '')
+    def doubts(self) -> list[str]:
+        """What is odd about the messages of the topics, in words."""
+        return [text for reader in self._readers for text in reader.doubts.values()]
+
+    @property
+    def foreign(self) -> tuple[int, ...]:
+        """Messages of each topic that had none of its signals, and were left out."""
+        return tuple(reader.foreign for reader in self._readers)
 
     def push(self, topic: int, data: bytes, received: int) -> None:
         """Take one message as raw CDR, received at that time in ns."""
-        stamp, values = self._readers[topic].read(data, received)
+        read = self._readers[topic].read(data, received)
+        if read is None:
+            return
+        stamp, values = read
         if stamp is None:
             self.not_finite += 1
         else:
@@ -148,8 +164,10 @@ class Pipeline:
     def _work(self, rows: Sequence[Row | Sample]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
         read = self.join.read(rows, self._begins(stamps))
-        values = self._plan.with_computed(read.values)
-        good, inputs, outputs = _arrange(values, *self._columns)
+        values = self.plan.with_computed(read.values)
+        if self._speed >= 0 and np.isfinite(values[:, self._speed]).any():
+            self._speed, self._needed = -1, self._without('position')
+        good, inputs, outputs = _arrange(values, self._needed, *self._columns)
         self.not_finite += len(rows) - int(np.count_nonzero(good))
         self.window.append(stamps, values, good)
         return self._feed(stamps, inputs, outputs, self._fresh(read.fresh))
@@ -159,7 +177,7 @@ class Pipeline:
         if read is None:
             return None
         computed = np.ones((read.shape[0], len(self.signals) - read.shape[1] + 1), dtype=np.bool_)
-        return np.hstack([read, computed])[:, self._columns[2]]
+        return np.hstack([read, computed])[:, self._columns[1]]
 
     def _begins(self, stamps: Stamps) -> NDArray[np.bool_]:
         """Tell for each of (K,) stamps whether the estimator begins anew with it."""
@@ -211,7 +229,7 @@ class Pipeline:
         return Record(
             time,
             {self.signals[k]: values[:, k] for k in finite},
-            {self.signals[k]: self._plan.sources[k].si_unit() for k in finite},
+            {self.signals[k]: self.plan.sources[k].si_unit() for k in finite},
             Provenance('live topics'),
             samples=self._samples(stamps, {self.signals[k] for k in finite}),
         )

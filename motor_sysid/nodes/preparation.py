@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 import threading
+import traceback
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier
@@ -34,12 +35,16 @@ class Preparation:
 
     def _prepare(self) -> None:
         try:
-            self._configuration = self._build()
-            self._configuration.warm_up()
+            made = self._build()
+            made.warm_up()
             if self._sample_time:
-                self._ready = self._configuration.make(self._sample_time)
+                self._ready = made.make(self._sample_time)
+            self._configuration = made
         except UserError as problem:
             self._problem = problem
+        except Exception as problem:  # noqa: BLE001 - the node goes on with what it has
+            traceback.print_exc()
+            self._problem = UserError(f'no estimator can be made: {_in_a_line(problem)}')
 
     def configuration(self) -> Configuration:
         """Return the configuration, once it is done.
@@ -52,7 +57,7 @@ class Preparation:
         self._thread.join()
         if self._problem is not None:
             raise self._problem
-        assert self._configuration is not None, 'the thread ended with a traceback'
+        assert self._configuration is not None
         return self._configuration
 
     def make(self, sample_time: float) -> OnlineIdentifier:
@@ -61,3 +66,9 @@ class Preparation:
         if ready is not None and sample_time == self._sample_time:
             return ready
         return self.configuration().make(sample_time)
+
+
+def _in_a_line(problem: Exception) -> str:
+    """Return what was raised: of a compiler's report, the last line before the first blank one."""
+    lines = str(problem).split('\n\n')[0].splitlines() or ['']
+    return f'{type(problem).__name__}: {lines[-1]}'

@@ -139,6 +139,7 @@ def replay(
         pipeline.start_at(sorted({one.first_stamp for one in recorded}))
     events = tuple(_run(bag, pipeline, plan.topics))
     stamps = [event.stamp for event in events]
+    notes = (*(one.message for one in bag.findings), *pipeline.doubts, *_notes(plan, recorded))
     return Replay(
         given,
         events,
@@ -147,7 +148,7 @@ def replay(
         time.perf_counter() - begin,
         pipeline.join.counts.dropped,
         _compare(events, recorded) if recorded else None,
-        (*(finding.message for finding in bag.findings), *filter(None, [pipeline.doubt])),
+        notes,
     )
 
 
@@ -198,6 +199,16 @@ def _run(bag: Bag, pipeline: Pipeline, plans: Sequence[TopicPlan]) -> Iterator[E
         if count % 1000 == 999:
             yield from pipeline.advance()
     yield from pipeline.advance()
+
+
+def _notes(plan: SignalPlan, recorded: Sequence[Published]) -> list[str]:
+    """Return why the estimates cannot be equal, if they cannot."""
+    if not recorded or not plan.by_reception:
+        return []
+    return [
+        f'{plan.by_reception}: stamped by reception, of which recorder and identifier each have '
+        'their own time; the estimates cannot be equal bit for bit'
+    ]
 
 
 def _beside(bag: Bag, node: str, config: MsgConfig) -> MsgConfig:

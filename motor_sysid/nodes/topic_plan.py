@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 import math
+import re
 
 from motor_sysid.errors import UserError
-from motor_sysid.recording.cdr import PRIMITIVES, TIME
+from motor_sysid.recording.cdr import PRIMITIVES, strings_of, TIME
 from motor_sysid.recording.definitions import definitions, Types
 from motor_sysid.recording.field_path import parse_path
 from motor_sysid.recording.field_reader import FieldReader, Number
@@ -15,6 +16,9 @@ from motor_sysid.signals.units import parse_unit
 SECOND = 1_000_000_000
 LAST = 2**31 * SECOND
 """Stamps lie below, as the messages of ROS can carry them: before 2038."""
+ABSENT = math.nan
+"""What `FieldReader` gives for a field that a message does not have: this very object."""
+FIRST, JOINT = '[0]', re.compile(r'[^\[\]\s]+')
 
 
 @dataclass(frozen=True)
@@ -45,6 +49,9 @@ class TopicPlan:
 class TopicReader:
     """Reads stamps and signals of the messages of one topic.
 
+    Several nodes may publish on one topic, each its own joints.  A field such as ``velocity[0]``
+    follows the joint that comes first in the first message.
+
     Parameters
     ----------
     plan:
@@ -54,8 +61,10 @@ class TopicReader:
 
     Attributes
     ----------
-    doubt:
-        What is odd about a stamp that was left out, in words; empty if none was.
+    doubts:
+        What is odd about the messages, in words, by its kind.
+    foreign:
+        Messages that have none of the signals, as those of another joint.
 
     Raises
     ------
@@ -64,15 +73,14 @@ class TopicReader:
     """
 
     def __init__(self, plan: TopicPlan, types: Types | None = None) -> None:
-        self._plan, self.doubt = plan, ''
-        types = types or definitions([Topic(plan.topic, plan.message_type)])
-        paths = _stamp_paths(plan, types)
-        self._parts = len(paths)
+        self._plan, self.doubts, self.foreign = plan, dict[str, str](), 0
+        self._types = types or definitions([Topic(plan.topic, plan.message_type)])
+        self._paths = _stamp_paths(plan, self._types)
+        self._parts, self._followed = len(self._paths), ''
         self._unit = round(parse_unit(plan.stamp_unit).factor * SECOND)
-        fields = (source.field for source in plan.sources)
-        self._read = FieldReader(plan.message_type, (*paths, *fields), types).read
+        self._read = self._read_first
 
-    def read(self, data: bytes, received: int) -> tuple[int | None, tuple[Number, ...]]:
+    def read(self, data: bytes, received: int) -> tuple[int | None, tuple[Number, ...]] | None:
         """Return the stamp (ns), None if there is none, and the signals as they were sent.
 
         Parameters
@@ -81,19 +89,59 @@ class TopicReader:
             The message as CDR.
         received:
             When it was received, ns.
+
+        Returns
+        -------
+        None for a message that has none of the signals.
         """
         values = self._read(data)
+        stamp: Number = received
         if self._parts == 2:
-            stamp: Number = int(values[0]) * SECOND + int(values[1])
+            stamp = int(values[0]) * SECOND + int(values[1])
         elif self._parts:
             stamp = values[0] * self._unit
-        else:
-            return received, values
-        if 0 <= stamp < LAST:
-            return round(stamp), values[self._parts :]
-        if not math.isnan(stamp):
-            self.doubt = self.doubt or self._odd(values[0])
-        return None, values[self._parts :]
+        signals = values[self._parts :]
+        if self._parts and not 0 <= stamp < LAST:
+            if not math.isnan(stamp) and 'stamp' not in self.doubts:
+                self.doubts['stamp'] = self._odd(values[0])
+            return None, signals
+        if signals[0] is ABSENT and all(value is ABSENT for value in signals):
+            self._note_foreign(data)
+            return None
+        return round(stamp), signals
+
+    def _read_first(self, data: bytes) -> tuple[Number, ...]:
+        """Read the first message, which tells the joint to follow."""
+        fields = [source.field for source in self._plan.sources]
+        by_place = [field for field in fields if field.endswith(FIRST) and '.' not in field]
+        names = self._joints(data) if by_place else []
+        if names and JOINT.fullmatch(names[0]):
+            named = f'[name={names[0]}]'
+            fields = [f.replace(FIRST, named) if f in by_place else f for f in fields]
+            self._followed = by_place[0].replace(FIRST, named)
+            if len(names) > 1:
+                self._note_joints(f'carries {len(names)} joints ({", ".join(names)})')
+        read = FieldReader(self._plan.message_type, (*self._paths, *fields), self._types).read
+        self._read = read
+        return read(data)
+
+    def _joints(self, data: bytes) -> list[str]:
+        """Return what a message lists under `name`; nothing where its type has no such field."""
+        return strings_of(data, self._types, self._plan.message_type, 'name')
+
+    def _note_foreign(self, data: bytes) -> None:
+        """Count a message without signals; say so where a joint was taken by its place alone."""
+        self.foreign += 1
+        if self._followed and 'joints' not in self.doubts:
+            other = ''.join(self._joints(data)[:1])
+            self._note_joints(f'has messages of another joint, too ({other or "without a name"})')
+
+    def _note_joints(self, what: str) -> None:
+        self.doubts['joints'] = (
+            f'`{self._plan.topic}` {what}; the one that came first is taken, which may be another '
+            'motor than the one that the voltage belongs to. Choose in a msg_config file, e.g. '
+            f'`field: {self._followed}`'
+        )
 
     def _odd(self, value: Number) -> str:
         unit = self._plan.stamp_unit if self._parts == 1 else 's'

@@ -33,8 +33,8 @@ DEFAULT_CONFIG = MsgConfig(
     {source.signal: (source,) for source in DEFAULT_SOURCES}, origin='of this package'
 )
 
-OPTIONAL = frozenset({'position'})
-"""Signals without which estimation goes on."""
+Chosen = dict[str, Source]
+"""Signal to the source that was chosen for it."""
 
 DC = 'dc'
 """``frame_id`` of a motor that has no phases; the others have that of their kind."""
@@ -62,6 +62,21 @@ class SignalPlan:
     def sources(self) -> tuple[Source, ...]:
         """Source of every column."""
         return (*(s for topic in self.topics for s in topic.sources), *self.computed)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The topics as they stand in the msg_config file."""
+        return tuple(topic.topic for topic in self.topics)
+
+    @property
+    def by_reception(self) -> str:
+        """Topics whose messages have no other stamp than their reception, in words."""
+        return ', '.join(topic.topic for topic in self.topics if topic.stamp == 'receive')
+
+    @property
+    def untyped(self) -> set[str]:
+        """Topics whose type is not known."""
+        return {topic.topic for topic in self.topics if not topic.message_type}
 
     @cached_property
     def _plain(self) -> bool:
@@ -107,31 +122,34 @@ def sources_of(config: MsgConfig) -> tuple[Source, ...]:
 
 
 def plan_signals(
-    sources: Sequence[Source], wanted: Collection[str], frame: str = DC, base_clock: str = ''
-) -> SignalPlan:
+    sources: Sequence[Source], wanted: Sequence[str], frame: str = DC, base_clock: str = '',
+    there: Collection[str] | None = None, spare: Collection[str] = (),
+) -> SignalPlan:  # fmt: skip
     """Choose a source for each wanted signal.
 
-    The first source of a signal that can be read live is taken.  No message has come yet: one with
-    a condition on the ``frame_id`` is taken if that of the motor kind, `frame`, meets it, one with
-    a condition on another text if an empty one does.
+    It is the first one that can be read live and whose topic is `there` (None: all are), or else
+    the first.  No message has come yet: one with a condition on the ``frame_id`` is taken if that
+    of the motor kind, `frame`, meets it, one with a condition on another text if an empty one
+    does.  One of the signals that are `spare` is left out where all its sources are optional, and
+    their topics are neither there nor wanted for another signal.
 
     Raises
     ------
     UserError
-        If a signal has no such source, or its topic's type is not known.
+        If a signal has no such source.
     """
-    chosen: dict[str, Source] = {}
-    for signal in wanted:
-        if not _choose(signal, sources, frame, chosen) and signal not in OPTIONAL:
-            raise UserError(
-                f'no topic carries `{signal}`; name one in the msg_config file, or choose a '
-                'motor kind that does not need it'
-            )
+    chosen: Chosen = {}
+    optional = set(spare) - {source.signal for source in sources if not source.optional}
+    for signal in sorted(wanted, key=optional.__contains__):
+        ways = _ways(signal, sources, frame, there, chosen)
+        if ways and signal in optional:
+            ways.append(chosen)
+        if not ways:
+            raise lacking(f'`{signal}`')
+        chosen = _nearest(ways, there)
     grouped: dict[tuple[str, str, str, str], list[Source]] = defaultdict(list)
     for source in chosen.values():
         if source.topic:
-            if not source.type:
-                raise UserError(f'the type of `{source.topic}` is not known; add `type:` to it')
             place = source.topic, source.type, source.stamp, source.stamp_unit
             grouped[place].append(source)
     topics = tuple(TopicPlan(*place, tuple(members)) for place, members in grouped.items())
@@ -140,35 +158,51 @@ def plan_signals(
     return SignalPlan(topics, computed, base_clock if known else '')
 
 
-def untyped(sources: Sequence[Source], wanted: Collection[str], frame: str = DC) -> set[str]:
-    """Return the topics among the wanted signals' sources whose type is not given."""
-    chosen: dict[str, Source] = {}
-    for signal in wanted:
-        _choose(signal, sources, frame, chosen)
-    return {s.topic for s in chosen.values() if s.topic and not s.type}
+def is_carried(signal: str, sources: Sequence[Source], frame: str = DC) -> bool:
+    """Tell whether a signal has a source that can be read live."""
+    return bool(_ways(signal, sources, frame, None, {}))
+
+
+def lacking(signals: str) -> UserError:
+    """Return the error for signals, in words, that have no source."""
+    return UserError(
+        f'no topic carries {signals}; name one in the msg_config file, or choose a motor kind '
+        'that does not need it'
+    )
 
 
 def with_types(sources: Sequence[Source], types: Mapping[str, str]) -> tuple[Source, ...]:
     """Return the sources with the types of their topics, where they give none themselves."""
+    known = {**types, **{source.topic: source.type for source in sources if source.type}}
     return tuple(
-        replace(source, type=source.type or types.get(source.topic, '')) for source in sources
+        replace(source, type=source.type or known.get(source.topic, '')) for source in sources
     )
 
 
-def _choose(signal: str, sources: Sequence[Source], frame: str, chosen: dict[str, Source]) -> bool:
-    """Choose a source for one signal, and before it those that it is computed from."""
+def _ways(
+    signal: str, sources: Sequence[Source], frame: str, there: Collection[str] | None,
+    chosen: Chosen,
+) -> list[Chosen]:  # fmt: skip
+    """Return what was chosen with each source of a signal, and with what it is computed from."""
     if signal in chosen:
-        return True
+        return [chosen]
+    found = []
     for source in sources:
-        if source.signal != signal or not _meets(source, frame):
+        if source.signal != signal or not (source.topic or source.derived):
             continue
-        needed = dict(chosen)
-        parts = all(_choose(part, sources, frame, needed) for part in source.parts)
-        if (source.topic or source.derived) and parts:
-            chosen.update(needed)
-            chosen[signal] = source
-            return True
-    return False
+        ways = [chosen] if _meets(source, frame) else []
+        for part in source.parts:
+            ways = _ways(part, sources, frame, there, _nearest(ways, there)) if ways else []
+        if ways:
+            found.append({**_nearest(ways, there), signal: source})
+    return found
+
+
+def _nearest(ways: Sequence[Chosen], there: Collection[str] | None) -> Chosen:
+    """Return the first of those of which the fewest topics are not there."""
+    if there is None:
+        return ways[0]
+    return min(ways, key=lambda way: len({s.topic for s in way.values()} - {'', *there}))
 
 
 def _meets(source: Source, frame: str) -> bool:

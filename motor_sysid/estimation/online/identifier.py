@@ -1,7 +1,6 @@
 """Feed time stamped samples to an online estimator: gaps, dropouts, delays and running errors."""
 
 from collections.abc import Mapping, Sequence
-from functools import partial
 import math
 
 import numpy as np
@@ -19,12 +18,18 @@ Mask = NDArray[np.bool_]
 
 _ERROR_MEMORY = 1.0
 
+_MOTION = ('speed', 'position')
+"""Outputs of which one tells the motion as well as both."""
+
 
 class OnlineIdentifier:
     """Online estimates of a model's parameters, sample by sample.
 
     The result depends on the samples alone, not on how they are bunched: one call with a thousand
     samples leaves the same bits as a thousand calls with one.
+
+    Of speed and position one is enough: one that has had no value is as if it was not named, and
+    with its first value the estimator begins anew.
 
     Parameters
     ----------
@@ -59,14 +64,13 @@ class OnlineIdentifier:
         outputs: Sequence[str],
         tuning: Tuning | None = None,
     ) -> None:
-        make = known_estimator(estimator)
+        self._kind = known_estimator(estimator)
         if not (np.isfinite(dt) and dt > 0):
             raise UserError(f'sample time {dt:g} s is not positive')
         self.model, self.dt = model, float(dt)
         self._columns = _input_columns(model, inputs)
         self.outputs = _known_outputs(model, outputs)
         self._tuning = tuning or Tuning()
-        self._make = partial(make, model, dt, self.outputs, self._tuning)
         self._keep = math.exp(-self.dt / _ERROR_MEMORY)
         self._begin()
         self._compile()
@@ -75,6 +79,8 @@ class OnlineIdentifier:
     def _begin(self) -> None:
         """Forget all samples."""
         inputs, outputs = self._columns.size, len(self.outputs)
+        self._awaited = {k for k, name in enumerate(self.outputs) if name in _MOTION}
+        self._shown = np.arange(outputs)
         self._estimator = self._make()
         self._delay = _DelayLine(_delay(self.model), inputs)
         self.samples = self.gaps = self.dropped = 0
@@ -87,6 +93,11 @@ class OnlineIdentifier:
         both = {'speed', 'position'} <= set(self.outputs)
         lines = difference and both and self._estimator.bridges
         self._slow = _SlowSpeed(self.outputs) if lines else None
+
+    def _make(self) -> OnlineEstimator:
+        """Return a fresh estimator for the outputs that are shown."""
+        outputs = tuple(self.outputs[k] for k in self._shown)
+        return self._kind(self.model, self.dt, outputs, self._tuning)
 
     def _compile(self) -> None:
         """Compile everything before the first sample: it may take seconds, once on a machine."""
@@ -128,18 +139,34 @@ class OnlineIdentifier:
         if h <= 0 or not math.isfinite(time):
             self.dropped += 1
             return
-        if not h <= self._tuning.gap * self.dt:
-            self.gaps += int(self.samples > 0)
-            self._estimator.restart(seen)
+        gap = not h <= self._tuning.gap * self.dt
+        self.gaps += int(gap and self.samples > 0)
+        if self._begins(y) or gap:
+            self._estimator.restart(seen[self._shown])
             self._delay.fill(self._held)
             self._prediction[:] = self._residual[:] = np.nan
         else:
             held = self._delay.push(self._held, h)
-            self._prediction = self._estimator.step(self._last_time, h, held, seen)
+            predicted = self._estimator.step(self._last_time, h, held, seen[self._shown])
+            self._prediction[self._shown] = predicted
             _note(self._prediction, y, self._keep, self._residual, self._power)
         _hold(u, self._held)
         self._last_time, self._held = time, u
         self.samples += 1
+
+    def _begins(self, y: Array) -> bool:
+        """Make the estimator for what has had a value; tell whether it is another one now."""
+        new = {k for k in self._awaited if math.isfinite(y[k])}
+        if not new:
+            return False
+        self._awaited -= new
+        needed = 'position' if self.model.kind.needs_position else ''
+        missing = [k for k in self._awaited if self.outputs[k] != needed]
+        before, self._shown = self._shown.size, np.delete(np.arange(y.size), missing)
+        if self._shown.size == before:
+            return False
+        self._estimator = self._make()
+        return True
 
     def estimate(self) -> Mapping[str, Estimate]:
         """Return value, sigma, unit and identifiability of every free parameter."""
