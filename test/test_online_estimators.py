@@ -2,7 +2,7 @@
 
 from closed_loop import drive, DT, samples, TRUE, true_motor, WRONG, wrong_motor
 import numpy as np
-from online_tools import feed, identifier, score
+from online_tools import BY_REGRESSION, feed, identifier, score
 import pytest
 from scipy.optimize import lsq_linear
 from three_phase_records import pmsm_record
@@ -38,6 +38,18 @@ def test_finds_the_known_motor_and_says_how_well(key):
 
 
 # ---- regressions --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('key', BY_REGRESSION)
+def test_laws_read_the_motor_as_it_was_found(key):
+    """Gear friction is a share of `k_t i`: with the `k_t` of the start it is twice too large."""
+    gear = Model.base('brushed_dc', TRUE).with_effect('load_dependent_friction', {'mu': 0.2})
+    begun = Model.base('brushed_dc', {**TRUE, 'k_t': 0.5 * TRUE['k_t']})
+    begun = begun.with_effect('load_dependent_friction')
+    found = feed(identifier(key, begun), drive(gear, 4.0, 0, 4096)).estimate()
+    mu = found['load_dependent_friction.mu']
+    assert mu.identifiable
+    assert mu.value == pytest.approx(0.2, abs=min(4 * mu.sigma, 0.05))
 
 
 def test_compound_least_squares_find_a_jump_that_a_long_memory_averages_away():
