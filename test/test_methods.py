@@ -18,6 +18,7 @@ from motor_sysid.estimation.batch.methods.characteristic_points import begun
 from motor_sysid.estimation.batch.methods.reference import noise_free_input
 from motor_sysid.estimation.batch.methods.sampled import Core
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.store import save_model
 
 DT = 1e-3
@@ -131,6 +132,17 @@ def test_an_effect_is_one_more_column(method, limit):
     found = refit(start().with_effect('coulomb_friction'), data, method).model
     assert found['coulomb_friction.tau_c'] == pytest.approx(8e-3, rel=limit)
     assert off(found, 'J') < 0.03
+
+
+@pytest.mark.parametrize('method', ['svf', 'iv', 'tls', 'gls'])
+def test_a_filter_of_the_current_sensor_is_no_inductance(method):
+    data, lag = bench(), 3e-3
+    whole = start(1.0).with_effect('current_sensor_lag', {'lag': lag})
+    shown = simulate(whole, data, follow_position=False, substeps=8).outputs['current']
+    noisy = shown + 0.02 * np.random.default_rng(0).standard_normal(len(data))
+    found = refit(whole, data.with_signal('current', noisy, 'A'), method).model
+    assert off(found, 'L') < 0.05
+    assert off(found, 'J') < 0.02
 
 
 @pytest.mark.parametrize('closed', [False, True], ids=['open', 'closed'])

@@ -45,6 +45,12 @@ class Column(NamedTuple):
     target: str
 
 
+def own_states(model: Model) -> tuple[str, ...]:
+    """Return the own states of a model's effects, ``effect_key.symbol``, in their order."""
+    cards = [(key, model.effect(key).card) for key in model.effects]
+    return tuple(f'{key}.{state}' for key, card in cards for state in card.states)
+
+
 class LawColumns:
     """The columns of all effects with a law for one of the targets.
 
@@ -55,9 +61,10 @@ class LawColumns:
     targets:
         Names of equations or sensors.
     signals:
-        Names of the first entries of the vectors of signals that the laws will be given.
+        Names of the first entries of the vectors of signals that the laws will be given; own
+        states that are among them (see `own_states`) are read there.
     memory:
-        Whether laws of effects with own states take part.
+        Whether laws of effects with other own states take part.
 
     Attributes
     ----------
@@ -78,6 +85,7 @@ class LawColumns:
         motor = [p.name for p in model.kind.parameters]
         self._rows = [np.zeros(LANES)] * FIRST_PARAMETER_ROW
         self._start: list[tuple[str, int, float]] = []
+        self._own_rows: dict[str, int] = {}
         self._add_given(model, motor)
         self._calls: list[tuple[int, ...]] = []
         self._rates: list[tuple[Lane, int, int, int]] = []
@@ -86,13 +94,15 @@ class LawColumns:
         self.columns: tuple[Column, ...] = ()
         self.needs: set[str] = set()
         for one in map(model.effect, model.effects):
-            if set(targets) & set(one.laws) and (memory or not one.card.states):
+            told = {f'{one.key}.{state}' for state in one.card.states} <= set(signals)
+            if set(targets) & set(one.laws) and (memory or told):
                 self._add(model, one, targets, compile_effect(one, tuple(motor)))
                 self.needs |= one.needs() - {*model.parameters.values(), 't', 'turn'}
         self._add_shown(model, targets, motor)
         buffer = np.concatenate(self._rows)
         calls = np.array(self._calls, dtype=np.int64).reshape(-1, 5)
-        reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]
+        rows = ROW_OF_ARGUMENT | self._own_rows
+        reads = [(rows[s], k) for k, s in enumerate(signals) if s in rows]
         self.table = (
             buffer, buffer.ctypes.data, calls,
             np.array(reads, dtype=np.int64).reshape(-1, 2),
@@ -111,6 +121,8 @@ class LawColumns:
         plain = len(self._rows) * LANES
         self._add_given(model, [f'{one.key}.{p.name}' for p in one.card.parameters])
         state = len(self._rows) * LANES
+        for k, name in enumerate(one.card.states):
+            self._own_rows[f'{one.key}.{name}'] = len(self._rows) + k
         self._rows += [np.zeros(LANES)] * (2 * len(one.card.states))
         self._keep += lanes
         self._begin_at += [

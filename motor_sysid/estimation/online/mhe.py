@@ -27,7 +27,7 @@ from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.horizon import Horizon, Summary
 from motor_sysid.estimation.online.joint import JointFilter
-from motor_sysid.estimation.online.laws import LawColumns
+from motor_sysid.estimation.online.laws import LawColumns, own_states
 from motor_sysid.estimation.online.motion import Motion
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.effects import effect
@@ -222,6 +222,7 @@ def shown_by_sensors(model: Model, outputs: Sequence[str]) -> list[str]:
     """Return the free parameters that add to measurements and do not move the motor."""
     biases = {o.bias for o in model.kind.outputs if o.bias}
     sensors = [f'{signal}_sensor' for signal in outputs]
-    columns = LawColumns(model, sensors, model.kind.states, memory=False).columns
+    signals = (*model.kind.states, *own_states(model))
+    columns = LawColumns(model, sensors, signals, memory=False).columns
     names = biases | {column.name for column in columns}
     return [p.name for p in model.parameters.free if p.name in names]
