@@ -254,6 +254,15 @@ def test_gains_ask_for_a_rate_and_a_loop_that_crosses_over() -> None:
     assert 'voltage_limit' not in gentle
 
 
+@pytest.mark.parametrize(('rate', 'time'), [(10_000.0, 0.5), (1e6, 20.0)])
+def test_a_slow_loop_at_a_fast_rate_is_a_good_one(rate: float, time: float) -> None:
+    text = export(BASE, 'pid', Settings(rate=rate, closed_loop_time=time)).text
+    found = re.search(r'phase margin (\d+) degrees.* crossover (\S+) rad/s', text)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(90, abs=1)
+    assert float(found[2]) == pytest.approx(1 / time, rel=0.05)
+
+
 @pytest.mark.parametrize('kind', ['brushed_dc', 'pmsm_q', 'bldc', 'bldc_six_step'])
 def test_the_node_takes_the_gains(kind: str, tmp_path: Path) -> None:
     rclpy_parameter = pytest.importorskip('rclpy.parameter', reason='rclpy is not installed')
