@@ -240,6 +240,15 @@ def test_the_worst_margins_hang_on_how_well_the_motor_is_known() -> None:
     assert worst_margins(vague, gains, dt).phase < own.phase - 2.0
 
 
+@pytest.mark.parametrize('format_', ['feedforward', 'mujoco', 'urdf', 'c_header'])
+def test_what_commutation_takes_is_told_as_left_out(format_: str) -> None:
+    """At 0.3 N m it costs this motor a fifth of the speed that feedforward promises."""
+    said = export(Model.base('bldc_six_step'), format_, ALL).left_out
+    assert 'what a brushless motor on a six-step drive does beyond its linear core' in said
+    for kind in ('pmsm', 'bldc', 'pmsm_q', 'brushed_dc'):
+        assert not any('beyond' in note for note in export(Model.base(kind), 'urdf', ALL).left_out)
+
+
 def test_gains_ask_for_a_rate_and_a_loop_that_crosses_over() -> None:
     with pytest.raises(UserError, match='--rate'):
         export(BASE, 'pid')
