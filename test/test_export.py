@@ -23,7 +23,7 @@ from motor_sysid.export.linear import linear_plant
 from motor_sysid.export.pid import margins, worst_margins
 from motor_sysid.export.rigid import drive, rigid
 from motor_sysid.export.words import spread
-from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.stepper import Stepper
@@ -413,6 +413,17 @@ def test_the_header_compiles_and_steps(tmp_path: Path, compiler: str, standard: 
     assert [float(n) for n in said.split()] == pytest.approx(
         [plant.state['omega'], 0.24, 0.01], rel=1e-8
     )
+
+
+@pytest.mark.parametrize(('key', 'symbol'), [('belt-größe', 'belt_gr__e'), ('_belt', 'p_belt')])
+def test_a_users_effect_may_bear_a_name_that_code_does_not_take(
+    key: str, symbol: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(catalogue(), key, replace(effect('coulomb_friction'), key=key))
+    model = BASE.with_effect(key, {'tau_c': 0.01})
+    header, script = (export(model, to, ALL).text for to in ('c_header', 'matlab'))
+    assert f'#define MOTOR_{symbol.upper()}_TAU_C 0.01 ' in header
+    assert f'motor.{symbol}_tau_c = 0.01;' in script
 
 
 def test_the_script_has_the_same_matrices() -> None:
