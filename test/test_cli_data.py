@@ -166,6 +166,29 @@ def test_what_a_data_sheet_has_beside_is_no_slip(
     )
 
 
+def test_what_a_motor_kind_has_no_place_for_is_told(
+    tmp_path: Path, data: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    sheet = file(tmp_path, 'nominal: {resistance_ohm: 2.0, magnet_flux_linkage_Vs: 0.01}')
+    said = told(capsys, 'fit', data, '--motor', 'brushed_dc', '--nominal', sheet)
+    assert said.startswith(f'note: the data sheet {sheet} has `magnet_flux_linkage_Vs`, which')
+    assert told(capsys, 'fit', data, '--nominal', file(tmp_path, SHEET)) == ''
+    assert not load_datasheet(sheet, 'mechanical_axis').unread
+    terminals = file(tmp_path, 'nominal: {back_emf_constant_line_line_Vs_per_rad: 0.1}')
+    assert load_datasheet(terminals, 'brushed_dc').unread
+    assert not load_datasheet(terminals, 'bldc').unread
+
+
+def test_one_inductance_and_a_torque_constant_are_those_of_both_axes(tmp_path: Path) -> None:
+    text = 'inductance_H: 0.002, torque_constant_Nm_per_A: 0.06, pole_pairs: 4'
+    sheet = file(tmp_path, f'motor_type: pmsm\nnominal: {{{text}, inductance_d_H: 0.0015}}')
+    found = load_datasheet(sheet)
+    assert not found.unread
+    assert found.nominal['L_d'] == 1.5e-3
+    assert found.nominal['L_q'] == 2e-3
+    assert found.nominal['psi_f'] == pytest.approx(0.01)
+
+
 @pytest.mark.parametrize('verb', ['fit', 'diagnose', 'learn'])
 def test_a_model_and_the_data_sheet_of_another_motor(
     verb: str, model: Path, tmp_path: Path, data: Path, capsys: pytest.CaptureFixture[str]

@@ -23,7 +23,7 @@ from motor_sysid.export.linear import linear_plant
 from motor_sysid.export.pid import margins, worst_margins
 from motor_sysid.export.rigid import drive, rigid
 from motor_sysid.export.words import spread
-from motor_sysid.physics.effects import catalogue
+from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motors
 from motor_sysid.physics.stepper import Stepper
@@ -240,6 +240,15 @@ def test_the_worst_margins_hang_on_how_well_the_motor_is_known() -> None:
     assert worst_margins(vague, gains, dt).phase < own.phase - 2.0
 
 
+@pytest.mark.parametrize('format_', ['feedforward', 'mujoco', 'urdf', 'c_header'])
+def test_what_commutation_takes_is_told_as_left_out(format_: str) -> None:
+    """At 0.3 N m it costs this motor a fifth of the speed that feedforward promises."""
+    said = export(Model.base('bldc_six_step'), format_, ALL).left_out
+    assert 'what a brushless motor on a six-step drive does beyond its linear core' in said
+    for kind in ('pmsm', 'bldc', 'pmsm_q', 'brushed_dc'):
+        assert not any('beyond' in note for note in export(Model.base(kind), 'urdf', ALL).left_out)
+
+
 def test_gains_ask_for_a_rate_and_a_loop_that_crosses_over() -> None:
     with pytest.raises(UserError, match='--rate'):
         export(BASE, 'pid')
@@ -252,6 +261,15 @@ def test_gains_ask_for_a_rate_and_a_loop_that_crosses_over() -> None:
     gentle = yaml.safe_load(export(BASE, 'pid', slow).text)['/**']['ros__parameters']
     assert gentle['kp'] < found['kp']
     assert 'voltage_limit' not in gentle
+
+
+@pytest.mark.parametrize(('rate', 'time'), [(10_000.0, 0.5), (1e6, 20.0)])
+def test_a_slow_loop_at_a_fast_rate_is_a_good_one(rate: float, time: float) -> None:
+    text = export(BASE, 'pid', Settings(rate=rate, closed_loop_time=time)).text
+    found = re.search(r'phase margin (\d+) degrees.* crossover (\S+) rad/s', text)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(90, abs=1)
+    assert float(found[2]) == pytest.approx(1 / time, rel=0.05)
 
 
 @pytest.mark.parametrize('kind', ['brushed_dc', 'pmsm_q', 'bldc', 'bldc_six_step'])
@@ -395,6 +413,17 @@ def test_the_header_compiles_and_steps(tmp_path: Path, compiler: str, standard: 
     assert [float(n) for n in said.split()] == pytest.approx(
         [plant.state['omega'], 0.24, 0.01], rel=1e-8
     )
+
+
+@pytest.mark.parametrize(('key', 'symbol'), [('belt-größe', 'belt_gr__e'), ('_belt', 'p_belt')])
+def test_a_users_effect_may_bear_a_name_that_code_does_not_take(
+    key: str, symbol: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setitem(catalogue(), key, replace(effect('coulomb_friction'), key=key))
+    model = BASE.with_effect(key, {'tau_c': 0.01})
+    header, script = (export(model, to, ALL).text for to in ('c_header', 'matlab'))
+    assert f'#define MOTOR_{symbol.upper()}_TAU_C 0.01 ' in header
+    assert f'motor.{symbol}_tau_c = 0.01;' in script
 
 
 def test_the_script_has_the_same_matrices() -> None:

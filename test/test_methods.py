@@ -13,12 +13,15 @@ from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.cli import main
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import make_chain, Problem, refit
-from motor_sysid.estimation.batch.methods import DIRECT
+from motor_sysid.estimation.batch.methods import DIRECT, frequency_response
 from motor_sysid.estimation.batch.methods.characteristic_points import begun
 from motor_sysid.estimation.batch.methods.reference import noise_free_input
 from motor_sysid.estimation.batch.methods.sampled import Core
 from motor_sysid.physics.model import Model, SpeedSensor
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.physics.store import save_model
+from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.record import Record
 
 DT = 1e-3
 TRUE = {'R': 2.1, 'L': 2.4e-3, 'k_t': 0.046, 'J': 2.6e-5, 'b': 1.3e-5}
@@ -133,6 +136,17 @@ def test_an_effect_is_one_more_column(method, limit):
     assert off(found, 'J') < 0.03
 
 
+@pytest.mark.parametrize('method', ['svf', 'iv', 'tls', 'gls'])
+def test_a_filter_of_the_current_sensor_is_no_inductance(method):
+    data, lag = bench(), 3e-3
+    whole = start(1.0).with_effect('current_sensor_lag', {'lag': lag})
+    shown = simulate(whole, data, follow_position=False, substeps=8).outputs['current']
+    noisy = shown + 0.02 * np.random.default_rng(0).standard_normal(len(data))
+    found = refit(whole, data.with_signal('current', noisy, 'A'), method).model
+    assert off(found, 'L') < 0.05
+    assert off(found, 'J') < 0.02
+
+
 @pytest.mark.parametrize('closed', [False, True], ids=['open', 'closed'])
 def test_a_linear_motor_is_found_in_its_frequency_response(closed):
     found = refit(start(), bench(closed=closed, rows=8000), 'frequency_response')
@@ -141,6 +155,34 @@ def test_a_linear_motor_is_found_in_its_frequency_response(closed):
     assert any('current_offset' in words for words in found.unidentifiable)
     with pytest.raises(UserError, match='leave out coulomb_friction'):
         refit(start().with_effect('coulomb_friction'), bench(rows=600), 'frequency_response')
+
+
+def free_run(model, seed=0):
+    """Return a record of a model that runs freely under steps of its inputs."""
+    time, rng = DT * np.arange(600), np.random.default_rng(seed)
+    names = model.kind.inputs[0]
+    steps = {name: np.repeat(rng.uniform(-5, 5, 20), 30) for name in names}
+    record = Record(time, steps, dict.fromkeys(names, 'V'))
+    for name, values in simulate(model, record, follow_position=False).outputs.items():
+        record = record.with_signal(name, values, BY_NAME[name].units[0])
+    return record.with_signal('speed_reference', record['speed'], 'rad/s')
+
+
+def test_a_frequency_response_is_of_one_input_and_one_sample_time():
+    for kind in ('pmsm', 'bldc_six_step'):
+        with pytest.raises(UserError, match='linear motors with one input, not for a'):
+            refit(Model.base(kind), free_run(Model.base(kind)), 'frequency_response')
+    data = bench(rows=2000)
+    with pytest.raises(UserError, match='one sample time'):
+        refit(start(), [data, data.uniform(2 * DT)], 'frequency_response')
+
+
+def test_a_frequency_response_of_the_speed_alone_says_what_it_does_not_tell():
+    data = bench(rows=8000).select(['voltage', 'speed'])
+    model = Model.base('brushed_dc', {**TRUE, 'J': 2 * TRUE['J']})
+    problem = Problem(model, [make_chain(data, model.kind, ['speed'])], ['speed'])
+    found = frequency_response.fit(problem).model
+    assert all(np.isinf(found.parameters[name].sigma) for name in ('R', 'L', 'J'))
 
 
 def test_a_differenced_speed_is_no_other_motor_in_its_frequency_response():

@@ -1,11 +1,16 @@
 """Online estimation: the recommended estimators find the known motor, and say how well."""
 
-from closed_loop import drive, DT, FRICTION, samples, TRUE, true_motor, WRONG
+from dataclasses import replace
+
+from closed_loop import drive, DT, FRICTION, samples, TRUE, true_motor, WRONG, wrong_motor
 import numpy as np
 from online_tools import feed, identifier, RECOMMENDED, truth
 import pytest
+from scipy.signal import lfilter
 
+from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import OnlineIdentifier, Tuning
+from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.recording import load
@@ -107,6 +112,59 @@ def test_sensor_laws_belong_to_the_model(key):
     found = online.estimate()
     assert found['speed_sensor_offset.o'].value == pytest.approx(2.0, abs=0.1)
     assert found['J'].value == pytest.approx(TRUE['J'], rel=0.05)
+
+
+FILTERS = {
+    'brushed_dc': {'current_sensor_lag': 3e-3, 'speed_sensor_lag': 5e-3},
+    'brushed_dc_reduced': {'speed_sensor_lag': 5e-3},
+}
+
+
+@pytest.mark.parametrize('kind', FILTERS)
+@pytest.mark.parametrize('key', ['rls', 'mras', 'ekf', 'mhe'])
+def test_filters_of_sensors_are_undone_or_followed(key, kind):
+    """Left out they go to the inductance and the inertia: L was 2.7 times too large."""
+    true = Model.base(kind, TRUE if kind == 'brushed_dc' else {'k_v': 0.06, 'k_a': 2e-3})
+    for name, lag in FILTERS[kind].items():
+        true = true.with_effect(name, {'lag': lag})
+    rng = np.random.default_rng(0)
+    volts = np.repeat(rng.uniform(-10, 10, 100), 50)
+    record = Record(DT * np.arange(volts.size), {'voltage': volts}, {'voltage': 'V'})
+    run = simulate(true, record, follow_position=False, substeps=8).outputs
+    shown = [name for name in ('current', 'speed') if name in run]
+    y = np.column_stack([run[name] for name in shown])
+    y += np.array([0.02, 0.2])[-len(shown):] * rng.standard_normal(y.shape)
+    motor = {p.name: 1.4 * p.value for p in true.parameters.free if p.name in ('L', 'J', 'k_a')}
+    online = OnlineIdentifier(true.with_values(motor), key, DT, ['voltage'], shown)
+    online.update(record.time, volts[:, np.newaxis], y)
+    found = online.estimate()
+    for name in ('R', 'k_t', 'J', 'L', 'k_v', 'k_a'):
+        if name in found:
+            assert found[name].value == pytest.approx(true[name], rel=0.02)
+    for name, lag in FILTERS[kind].items():
+        one = found[f'{name}.lag']
+        assert one.value == pytest.approx(lag, rel=0.01)
+        assert one.identifiable == (key in ('ekf', 'mhe'))
+
+
+def test_a_speed_that_was_filtered_from_count_to_count_is_undone():
+    rows, share = samples().copy(), -np.expm1(-DT / 5e-3)
+    rows[:, 3] = lfilter([share], [1.0, share - 1.0], rows[:, 3])
+    begun = wrong_motor().with_effect('speed_sensor_lag', {'lag': 5e-3})
+    found = feed(identifier('rls', begun), rows).estimate()
+    for name in ('R', 'k_t', 'J'):
+        assert found[name].value == pytest.approx(TRUE[name], rel=0.02)
+
+
+def test_a_sensor_with_another_memory_is_refused_by_regressions(monkeypatch):
+    lag = catalogue()['current_sensor_lag']
+    monkeypatch.setitem(
+        catalogue(), lag.key, replace(lag, card=replace(lag.card, filter=''))
+    )
+    model = wrong_motor().with_effect(lag.key, {'lag': 3e-3})
+    with pytest.raises(UserError, match=r'cannot undo .* `current_sensor_lag`.* use `ekf`'):
+        identifier('rls', model)
+    feed(identifier('ekf', model), samples()[:100])
 
 
 # ---- a real machine -----------------------------------------------------------------------------

@@ -1,8 +1,10 @@
 """What each online estimator is for: the property that sets it apart from the others."""
 
+from functools import cache
+
 from closed_loop import drive, DT, samples, TRUE, true_motor, WRONG, wrong_motor
 import numpy as np
-from online_tools import feed, identifier, score
+from online_tools import BY_REGRESSION, feed, identifier, score
 import pytest
 from scipy.optimize import lsq_linear
 from three_phase_records import pmsm_record
@@ -38,6 +40,18 @@ def test_finds_the_known_motor_and_says_how_well(key):
 
 
 # ---- regressions --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize('key', BY_REGRESSION)
+def test_laws_read_the_motor_as_it_was_found(key):
+    """Gear friction is a share of `k_t i`: with the `k_t` of the start it is twice too large."""
+    gear = Model.base('brushed_dc', TRUE).with_effect('load_dependent_friction', {'mu': 0.2})
+    begun = Model.base('brushed_dc', {**TRUE, 'k_t': 0.5 * TRUE['k_t']})
+    begun = begun.with_effect('load_dependent_friction')
+    found = feed(identifier(key, begun), drive(gear, 4.0, 0, 4096)).estimate()
+    mu = found['load_dependent_friction.mu']
+    assert mu.identifiable
+    assert mu.value == pytest.approx(0.2, abs=min(4 * mu.sigma, 0.05))
 
 
 def test_compound_least_squares_find_a_jump_that_a_long_memory_averages_away():
@@ -163,6 +177,38 @@ def test_the_unscented_transform_sees_the_curve_of_a_parameter():
     assert np.sqrt(spread) == pytest.approx(after[:, 0].std(), rel=0.05)
     straight = motion.advance(x, z, np.array([1e-5] * 3 + [1e-4]), u, 0.0, h).state[0]
     assert abs(found.state[0] - after[:, 0].mean()) < 0.2 * abs(straight - after[:, 0].mean())
+
+
+HIDDEN = {
+    'flexible_shaft': {'r': 0.5, 'w_a': 60.0, 'z': 0.1},
+    'lugre_friction': {'tau_c': 0.02, 's': 0.3, 'omega_s': 20.0, 'z_s': 0.05, 't_b': 1e-3},
+    'backlash': {'r': 0.5, 'phi_g': 0.05, 'w_a': 200.0, 'z': 0.3},
+    'armature_heating': {'h': 4e-3, 't_th': 3.0},
+}  # fmt: skip
+
+
+FOLLOWED = [(name, key) for name in HIDDEN for key in ('ekf', 'mhe')]
+FOLLOWED += [('backlash', 'ukf'), ('backlash', 'dual_ekf')]
+
+
+@cache
+def hidden(name):
+    truth = Model.base('brushed_dc', TRUE).with_effect(name, HIDDEN[name])
+    return truth, drive(truth, 4.0, 0, 20_000)
+
+
+@pytest.mark.parametrize(('name', 'key'), FOLLOWED)
+def test_own_states_of_effects_are_states_of_the_filter(name, key):
+    """What a twist, a bend or heat does is put down to J, R and friction where it is not known."""
+    truth, rows = hidden(name)
+    off = {**truth.parameters.values(), 'R': 1.5, 'J': 1e-4, 'current_offset': 0.0}
+    begun = truth.with_values(off).with_speed_sensor(SpeedSensor.DIFFERENCE)
+    found = feed(identifier(key, begun), rows).estimate()
+    size = f'{name}.{next(iter(HIDDEN[name]))}'
+    for one, limit in (('R', 0.01), ('k_t', 0.01), ('J', 0.02), (size, 0.2)):
+        assert found[one].value == pytest.approx(truth[one], rel=limit)
+        slack = 6 * found[one].sigma + 5e-3 * truth[one]
+        assert found[one].value == pytest.approx(truth[one], abs=slack)
 
 
 def test_two_filters_are_one_where_the_parameters_are_known():

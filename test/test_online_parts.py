@@ -89,6 +89,24 @@ def test_motion_is_the_simulation_and_its_derivatives(kind):
     assert -move.by_force[:, 0] == pytest.approx((loaded - base) / 1e-3, rel=1e-6, abs=1e-9)
 
 
+def test_own_states_move_with_the_motor_and_have_derivatives():
+    model = Model.base('brushed_dc', TRUE)
+    model = model.with_effect('flexible_shaft', {'r': 0.5, 'w_a': 60.0, 'z': 0.1})
+    model = model.with_effect('armature_heating', {'h': 0.01, 't_th': 1.0})
+    motion = Motion(model, Coordinates([]))
+    assert motion.beginning(np.array([1.0, 2.0, 3.0])).tolist() == [1, 2, 3, 0, 2, 0]
+    x, u, steps = np.array([1.0, 40.0, 2.0, 0.01, 35.0, 0.5]), np.array([3.4]), np.full(6, 1e-4)
+    move = motion.advance(x, np.empty(0), steps, u, 0.0, DT)
+    base = move.state.copy()
+    slip = 0.5 * (x[1] - x[4] + base[1] - base[4])
+    assert base[3] - x[3] == pytest.approx(slip * DT, rel=0.02)
+    assert base[5] - x[5] == pytest.approx((TRUE['R'] * x[0] ** 2 - x[5]) * DT, rel=0.05)
+    slopes = move.slope.copy()
+    for k in range(6):
+        moved = motion.advance(x + 1e-3 * np.eye(6)[k], np.empty(0), steps, u, 0.0, DT).state
+        assert slopes[:, k] == pytest.approx((moved - base) / 1e-3, rel=2e-3, abs=1e-7)
+
+
 def test_columns_are_the_law_with_one_amplitude_at_one():
     from motor_sysid.physics.effects import effect
 

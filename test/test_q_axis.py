@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.signal import lsim
 from three_phase_records import pmsm_record
 
 from motor_sysid.diagnosis import diagnose, Verdict
@@ -54,6 +55,19 @@ def test_the_q_axis_is_followed_live(drive, estimator):
     online.update(record.time, u, y)
     for name, value in truth.items():
         assert online.estimate()[name].value == pytest.approx(value, rel=0.03), name
+
+
+def test_the_filter_of_the_current_is_named():
+    """A law for the sensor of the current is that of the q current where there is no other."""
+    records = []
+    for seed in (1, 2):
+        record = q_axis(pmsm_record(3.0, push_d=0.0, seed=seed)[1])
+        shown = lsim(([1.0], [2e-3, 1.0]), record['current_q'], record.time)[1]
+        records.append(record.with_signal('current_q', shown, 'A'))
+    keys = ['current_sensor_lag', 'speed_sensor_lag', 'coulomb_friction', 'input_delay']
+    found = diagnose(records[:1], records[1:], motor='pmsm_q', effects=keys)
+    assert found.effects == ('current_sensor_lag',)
+    assert found.model['current_sensor_lag.lag'] == pytest.approx(2e-3, rel=0.05)
 
 
 def test_a_known_motion_is_not_simulated():

@@ -50,6 +50,16 @@ def test_round_trip_is_exact(model):
     assert parse_model(dump_model(model)) == model
 
 
+@pytest.mark.parametrize('key', motors())
+def test_an_effect_begins_inside_its_boxes(key):
+    """Without scales, too: what is written has to be read again."""
+    base = Model.base(key)
+    for name in catalogue():
+        if fits(base, name):
+            model = base.with_effect(name)
+            assert parse_model(dump_model(model)) == model
+
+
 def test_file_round_trip_keeps_infinite_sigma_and_leaves_no_stub(tmp_path):
     model = Model.base('brushed_dc', {'R': 1 / 3}).with_effect('coulomb_friction', {'tau_c': 0.02})
     model = model.with_estimates({}, {'R': 1e-3, 'L': math.inf}).with_provenance(data='abc')

@@ -24,7 +24,7 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     for p in model.parameters:
         told = words.with_sigma(p.value, p.sigma or 0.0, p.unit)
         lines.append(
-            f'#define {prefix}_{p.name.replace(".", "_").upper()} {words.number(p.value)}'
+            f'#define {prefix}_{words.symbol(p.name).upper()} {words.number(p.value)}'
             f'  /* {told}: {p.description} */'
         )
     found, notes = _feedforward(model, settings)

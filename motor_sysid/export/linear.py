@@ -63,6 +63,11 @@ def inputs_of(model: Model) -> tuple[str, ...]:
     return sets[0]
 
 
+def beyond_core(model: Model) -> str:
+    """Return in words that a motor kind has laws of its own beside its linear core."""
+    return f'what a {model.kind.title} does beyond its linear core'
+
+
 def linear_plant(model: Model) -> LinearPlant:
     """Return the linear part of a model.
 
@@ -124,7 +129,7 @@ def _left_out(model: Model, effects: list[Effect]) -> list[str]:
         if not one.card.linear and not one.card.delay
     ]
     if model.kind.own is not None:
-        found.append(f'what a {model.kind.title} does beyond its linear core')
+        found.append(beyond_core(model))
     if model.speed_sensor is SpeedSensor.DIFFERENCE:
         found.append(DIFFERENCED)
     offsets = [o.bias for o in model.kind.outputs if o.bias and model[o.bias]]

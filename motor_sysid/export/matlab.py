@@ -40,8 +40,8 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     lines += ['% dx/dt = A x + B u, y = C x + D u', ' '.join(['% states:', *_names(plant.states)])]
     for p in model.parameters:
         told = words.with_sigma(p.value, p.sigma or 0.0, p.unit)
-        field = p.name.replace('.', '_')
-        lines.append(f'{name}.{field} = {words.number(p.value)};  % {told}: {p.description}')
+        value = words.number(p.value)
+        lines.append(f'{name}.{words.symbol(p.name)} = {value};  % {told}: {p.description}')
     for letter in 'abcd':
         matrix = getattr(plant, letter).tolist()
         lines.append(f'{name}.{letter.upper()} = {words.rows(matrix, "[", "; ", "];")}')

@@ -34,6 +34,9 @@ USES = ('gear', 'supply', 'rate', 'closed_loop_time')
 DRAWS, SEED = 200, 1
 """Motors drawn for the worst margins."""
 
+_BELOW, _PER_DECADE = 1e-2, 1000
+"""Lowest frequency looked at, over the crossover that is asked for; frequencies in a decade."""
+
 _DELAYS = 4.0
 """Least time constant of the loop in delays of the input."""
 
@@ -72,7 +75,7 @@ def write(model: Model, settings: Settings) -> tuple[str, tuple[str, ...]]:
     time = settings.closed_loop_time or _usual_time(model, dt)
     limit = settings.supply or math.inf
     gains = _gains(model, time, limit)
-    own, worst = margins(model, gains, dt), worst_margins(model, gains, dt)
+    own, worst = margins(model, gains, dt, time), worst_margins(model, gains, dt, time)
     if own.phase <= 0 or own.gain <= 1:
         raise UserError(
             f'a speed loop with a time constant of {time:.4g} s would swing at {settings.rate:g} '
@@ -112,15 +115,17 @@ def _command(driven: Drive, supply: float | None) -> dict[str, str | float]:
     return {'command': signal, **limit}
 
 
-def margins(model: Model, gains: PidGains, dt: float) -> Margins:
+def margins(model: Model, gains: PidGains, dt: float, time: float = 1.0) -> Margins:
     """Return the margins of the loop that the gains make with a motor.
 
     Parameters
     ----------
-    dt:
-        Time of a sample, s.
+    dt, time:
+        Time of a sample, and wanted time constant of the loop, s.
     """
-    w = np.geomspace(1e-4, 1.0, 4000) * math.pi / dt
+    top = math.pi / dt
+    least = min(1e-4 * top, _BELOW / time)
+    w = np.geomspace(least, top, math.ceil(_PER_DECADE * math.log10(top / least)))
     z = np.exp(1j * w * dt)
     loop = _plant(model, z, dt) * (gains.kp + gains.ki * dt * z / (z - 1.0)) / z
     size, turned = np.abs(loop), np.unwrap(np.angle(loop))
@@ -134,15 +139,15 @@ def margins(model: Model, gains: PidGains, dt: float) -> Margins:
     return Margins(gain, float(np.min(phases)), float(w[crossing[-1]]))
 
 
-def worst_margins(model: Model, gains: PidGains, dt: float) -> Margins:
+def worst_margins(model: Model, gains: PidGains, dt: float, time: float = 1.0) -> Margins:
     """Return the smallest margins among motors drawn from the standard errors."""
     random = np.random.default_rng(SEED)
     known = [p for p in model.parameters if p.free and p.sigma and math.isfinite(p.sigma)]
-    found = [margins(model, gains, dt)]
+    found = [margins(model, gains, dt, time)]
     for _ in range(DRAWS if known else 0):
         drawn = {p.name: random.normal(p.value, p.sigma or 0.0) for p in known}
         inside = {p.name: min(max(drawn[p.name], p.lower), p.upper) for p in known}
-        found.append(margins(model.with_values(inside), gains, dt))
+        found.append(margins(model.with_values(inside), gains, dt, time))
     return Margins(
         min(one.gain for one in found), min(one.phase for one in found),
         max(one.crossover for one in found),

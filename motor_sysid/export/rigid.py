@@ -15,7 +15,7 @@ from scipy.optimize import nnls
 
 from motor_sysid.control.tuning import reduce_to_speed, torque_constant
 from motor_sysid.errors import UserError
-from motor_sysid.export.linear import inputs_of
+from motor_sysid.export.linear import beyond_core, inputs_of
 from motor_sysid.export.loads import has_a_load, INERTIAS, stiff
 from motor_sysid.physics.effect import arguments, Effect, Law
 from motor_sysid.physics.model import linear_unit, Model
@@ -123,6 +123,8 @@ def rigid(model: Model, top_speed: float | None = None) -> Rigid:
         if reason:
             left_out.append(f'{one.card.title}: {reason}')
         forward, backward = forward + pair[0], backward + pair[1]
+    if model.kind.own is not None and len(model.kind.arguments) == 1:
+        left_out.append(beyond_core(model))  # the voltage that commutation takes
     friction = viscous * speeds + 0.5 * (backward - forward)
     table = np.column_stack([speeds, np.ones(SPEEDS)])
     (damping, dry), rest = nnls(table / [top, 1.0], friction)

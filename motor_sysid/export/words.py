@@ -18,6 +18,12 @@ def number(value: float) -> str:
     return text if any(c in text for c in '.en') else f'{text}.0'
 
 
+def symbol(name: str) -> str:
+    """Return the name of a parameter as C and MATLAB take it: letters of ASCII, digits and `_`."""
+    plain = re.sub(r'\W', '_', name, flags=re.ASCII)
+    return plain if plain[0].isalpha() else f'p{plain}'
+
+
 def heading(model: Model) -> list[str]:
     """Return lines that say what this is and where it comes from."""
     titles = ', '.join(effect(key).card.title for key in model.effects) or 'no effects'

@@ -18,6 +18,7 @@ from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.yaml_text import load_yaml, read_utf8
 
+_RATED = 'rated_torque'
 _SYMBOLS = {
     'resistance_ohm': 'R',
     'inductance_H': 'L',
@@ -26,7 +27,7 @@ _SYMBOLS = {
     'viscous_friction_Nms': 'b',
     'mass_total_kg': 'J',
     'viscous_friction_Ns_per_m': 'b',
-    'rated_torque_Nm': 'rated_torque',
+    'rated_torque_Nm': _RATED,
     'pole_pairs': 'pole_pairs',
     'phase_resistance_ohm': 'R',
     'phase_inductance_H': 'L',
@@ -66,7 +67,7 @@ class Datasheet:
     nominal:
         Parameter symbol to value in SI; and `rated_torque` in N m.
     unread:
-        Entries under `nominal` that are not understood.
+        Entries under `nominal` that are not understood, or that the motor kind has no place for.
     """
 
     motor: str | None
@@ -136,8 +137,28 @@ def load_datasheet(path: str | Path, wanted: str | None = None) -> Datasheet:
         nominal['v_free'] = _positive(path, 'supply_voltage_V', content['supply_voltage_V'])
     if 'encoder_counts_per_rev' in content:  # for people; no model needs it
         _positive(path, 'encoder_counts_per_rev', content['encoder_counts_per_rev'])
-    unread = tuple(str(name) for name in given if name not in _PRINTED | set(_SYMBOLS))
-    return Datasheet(kind, nominal, unread)
+    known = _PRINTED | {name for name in _SYMBOLS if _has_place(meant, _SYMBOLS[name])}
+    unread = tuple(str(name) for name in given if name not in known)
+    return Datasheet(kind, {**_for_axes(meant, nominal), **nominal}, unread)
+
+
+def _has_place(kind: object, symbol: str) -> bool:
+    """Whether a motor kind, or one that takes its place, has a parameter; an axis asks for few."""
+    if not isinstance(kind, str) or kind not in motors() or symbol == _RATED:
+        return True
+    kinds = [kind, motor(kind).unmeasured, motor(kind).blurred]
+    names = {p.name for one in kinds if one for p in motor(one).parameters}
+    return symbol in names or 'R' not in names
+
+
+def _for_axes(kind: object, nominal: Mapping[str, float]) -> dict[str, float]:
+    """Return what a motor with two axes has by other names: inductances and flux."""
+    if kind != 'pmsm':
+        return {}
+    found = {f'L_{axis}': nominal['L'] for axis in 'dq' if 'L' in nominal}
+    if {'k_t', 'pole_pairs'} <= set(nominal):
+        found['psi_f'] = nominal['k_t'] / (1.5 * nominal['pole_pairs'])
+    return found
 
 
 def _refuse_misspelt(

@@ -220,7 +220,8 @@ def _effect_parameter(owner: Effect, card: Amplitude | Shape, scales: Scales | N
     else:
         start = card.starts[0] if card.starts else card.lower
         value = start * size
-        lower, upper = (card.lower * size, card.upper * size) if scales else (1e-12, 1e12)
+        least = 0.0 if card.lower == 0 else 1e-12 if card.lower > 0 else -1e12
+        lower, upper = (card.lower * size, card.upper * size) if scales else (least, 1e12)
         free = card.free
     return Parameter(
         f'{owner.key}.{card.name}', card.unit, value, lower, upper, card.description, free

@@ -112,6 +112,7 @@ class Equation:
         """Set parameters that other equations find."""
         for place, name in self._given.items():
             self._weights[place] = -values.get(name, self._model[name])
+        self._laws.give(values)
 
     def needs(self) -> set[str]:
         """Return the states, inputs and derived signals that the equation reads."""

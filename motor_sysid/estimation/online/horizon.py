@@ -79,7 +79,7 @@ class Horizon:
         self._angle = motion.angle
         self._length, self._dt, self._pace = length, dt, pace
         self._state, self._input = np.zeros((room, n)), np.zeros((room, inputs))
-        self._time, self._memory = np.zeros(room), np.zeros((room, motion.memory.size))
+        self._time = np.zeros(room)
         self._z, self._noise = np.zeros((room, outputs)), np.full((room, outputs), np.inf)
         self._rows = np.zeros((room, outputs, n + q))
         self._x, self._sensitivity = np.zeros(n), np.zeros((n, n + p))
@@ -99,10 +99,10 @@ class Horizon:
         """Forget all samples."""
         self.count, self._at, self._end, self._first = 0, 0, -1, 0
 
-    def push(self, state: Array, memory: Array, time: float, u: Array, seen: Seen | None) -> None:
+    def push(self, state: Array, time: float, u: Array, seen: Seen | None) -> None:
         """Take the next sample: where it begins, its input, and what is measured at its end."""
         k = self.count % len(self._time)
-        self._state[k], self._memory[k], self._time[k], self._input[k] = state, memory, time, u
+        self._state[k], self._time[k], self._input[k] = state, time, u
         self._noise[k] = np.inf
         if seen is not None:
             width = seen[0].size
@@ -128,7 +128,6 @@ class Horizon:
         self._at, self._end = self._first, self.count
         k = self._first % len(self._time)
         self._x = self._state[k].copy()
-        self._motion.recall(self._memory[k])
         self._sensitivity[:] = np.eye(self._n, self._n + self._p)
         self._blocks[:], self._power[:] = 0.0, 0.0
         self._parameters, self._steps = parameters.copy(), steps.copy()

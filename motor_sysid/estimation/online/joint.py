@@ -1,8 +1,9 @@
 """A joint filter of motion and parameters, the engine of the Kalman filters.
 
-The state is that of the motor kind, followed by the estimated parameters and sensor offsets.  The
-step is the simulator's own, exact for the linear motor, and its Jacobian a central difference of
-it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on the joint filter.)
+The state is that of the motor kind and its effects' own (the twist of a shaft, heat), followed by
+the estimated parameters and sensor offsets.  The step is the simulator's own, exact for the linear
+motor, and its Jacobian a central difference of it.  (Ljung 1979, doi:10.1109/TAC.1979.1101943, on
+the joint filter.)
 
 Where a parameter is wrong, changes, or physics is missing, such a filter soon believes itself too
 much.  Three things keep it honest: no sample may move a parameter far, and while innovations stay
@@ -60,6 +61,8 @@ _REACH = 5.0
 _STRIDE = 0.3
 _LEAST = 0.03
 _RISE, _FALL, _MOST = 1.02, 0.999, 1e3
+_UNSEEN = 1e-9
+"""Size (SI) of an own state of an effect that has not been anything but zero."""
 
 
 def sensor_parameters(model: Model) -> list[str]:
@@ -107,13 +110,15 @@ class JointFilter:
         self.model, self._dt, self._tuning, self._reported = model, dt, tuning, names
         self._coordinates = Coordinates([model.parameters[n] for n in (*moved, *biases)])
         self.motion = Motion(model, Coordinates([model.parameters[n] for n in moved]))
-        self._n, self._p = len(model.kind.states), len(moved)
+        self._n, self._p = self.motion.states, len(moved)
         plain = np.flatnonzero(~self._coordinates.log)
         index = {self._coordinates.names[k]: self._n + int(k) for k in plain}
         self._sensing = Sensing(model, outputs, index, tuning)
         self._unit = Sizes.per_unit(model)
         self._start = self._coordinates.vector([model[n] for n in self._coordinates.names])
-        self._update = update(self._n, self._n + self._start.size, len(outputs))
+        # two filters would be too sure of own states, which no sensor shows
+        make = update if self._n == len(model.kind.states) else compiled
+        self._update = make(self._n, self._n + self._start.size, len(outputs))
         self._transform = transform(self._n, self._p)
         self.lost = 0
         self._begin()
@@ -127,22 +132,22 @@ class JointFilter:
         self._x = np.concatenate([np.zeros(n), self._start])
         self._cov = np.zeros((size, size))
         self._prior = np.zeros(size - n)
-        self._size, self._seen = 0.0, np.zeros(n)
+        self._size, self._seen = 0.0, np.zeros(len(self.model.kind.states))
+        self._own = np.full(n - self._seen.size, _UNSEEN)
         self._sizes = self._unit.seen(0.0, self._seen)
         self._box = self._coordinates.reach(self._start, _REACH, self._prior)
         self._unrest = 1.0
         self._limit = np.zeros(len(self._sensing.state))
         self._rescale()
-        self.motion.forget()
 
     def restart(self, y: Array) -> None:
         """Take up the motion from measured outputs; parameters keep what is known of them."""
-        n = self._n
+        n, beginning = self._n, self.motion.beginning
         state, sigma = self._sensing.start(y, self._x, self._sizes.state)
-        self._x[:n] = state
+        self._x[:n], spread = beginning(state), beginning(sigma)
+        spread[state.size :] = np.maximum(spread[state.size :], self._own)
         self._cov[:n, :] = self._cov[:, :n] = 0.0
-        self._cov[:n, :n] = np.diag(sigma**2)
-        self.motion.forget()
+        self._cov[:n, :n] = np.diag(spread**2)
 
     def take_over(self, other: 'JointFilter', found: Mapping[str, tuple[float, float]]) -> None:
         """Go on from the motion of another filter, and parameters found elsewhere.
@@ -155,7 +160,7 @@ class JointFilter:
             Parameter name to value and standard deviation.
         """
         n, x, cov = self._n, self._x, self._cov
-        self._seen = other._seen.copy()
+        self._seen, self._own = other._seen.copy(), other._own.copy()
         self._resize(other._size)
         x[:n], cov[:n, :n] = other._x[:n], other._cov[:n, :n]
         self._sensing.take_over(other._sensing)
@@ -217,13 +222,15 @@ class JointFilter:
 
     def _predict(self, time: float, h: float, u: Array) -> bool:
         """Predict state and covariance; tell whether they are finite."""
-        _set_steps(self._steps, self._x[: self._n], self._sizes.state)
+        _set_steps(self._steps, self._x[: self._n], self.spans)
         move = self._transform(self.motion, self._x, self._cov, self._steps, u, time, h)
         push = self._unrest * math.sqrt(1e-3 / h)
         self._cov, sound = _spread(
             self._x, self._cov, move.state, move.slope, move.by_force, move.curve, push,
             self._push, self._wander, self._prior, h,
         )  # fmt: skip
+        if sound and self._own.size:
+            self._own = np.maximum(self._own, np.abs(move.state[self._seen.size :]))
         return bool(sound)
 
     def _correct(self, h: float, y: Array) -> bool:
@@ -266,18 +273,23 @@ class JointFilter:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Estimated parameters in the order of the state, after the motor's own states."""
+        """Estimated parameters in the order of the whole state, in which they come last."""
         return self._coordinates.names
 
     @property
     def state(self) -> Array:
-        """Motor state (n,), now."""
+        """Motor state and own states of effects (n,), now."""
         return np.array(self._x[: self._n])
 
     @property
     def sizes(self) -> Sizes | None:
         """Sizes of states and forces for the inputs so far; None before any input."""
         return self._sizes if self._size > 0 else None
+
+    @property
+    def spans(self) -> Array:
+        """Sizes of all states (n,) so far."""
+        return np.append(self._sizes.state, self._own)
 
     def covariance(self) -> Array:
         """Return the covariance of states, then parameters."""

@@ -6,7 +6,7 @@ that one call gives them all.  (An amplitude that comes with values to try is no
 held.)
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -45,19 +45,26 @@ class Column(NamedTuple):
     target: str
 
 
+def own_states(model: Model) -> tuple[str, ...]:
+    """Return the own states of a model's effects, ``effect_key.symbol``, in their order."""
+    cards = [(key, model.effect(key).card) for key in model.effects]
+    return tuple(f'{key}.{state}' for key, card in cards for state in card.states)
+
+
 class LawColumns:
     """The columns of all effects with a law for one of the targets.
 
     Parameters
     ----------
     model:
-        The model; laws are given its parameters, but for their free amplitudes.
+        The model; laws are given its parameters, but for their free amplitudes (see `give`).
     targets:
         Names of equations or sensors.
     signals:
-        Names of the first entries of the vectors of signals that the laws will be given.
+        Names of the first entries of the vectors of signals that the laws will be given; own
+        states that are among them (see `own_states`) are read there.
     memory:
-        Whether laws of effects with own states take part.
+        Whether laws of effects with other own states take part.
 
     Attributes
     ----------
@@ -77,7 +84,9 @@ class LawColumns:
     ) -> None:
         motor = [p.name for p in model.kind.parameters]
         self._rows = [np.zeros(LANES)] * FIRST_PARAMETER_ROW
-        self._rows += [np.full(LANES, model[name]) for name in motor]
+        self._start: list[tuple[str, int, float]] = []
+        self._own_rows: dict[str, int] = {}
+        self._add_given(model, motor)
         self._calls: list[tuple[int, ...]] = []
         self._rates: list[tuple[Lane, int, int, int]] = []
         self._begin_at: list[tuple[int, str]] = []
@@ -85,13 +94,15 @@ class LawColumns:
         self.columns: tuple[Column, ...] = ()
         self.needs: set[str] = set()
         for one in map(model.effect, model.effects):
-            if set(targets) & set(one.laws) and (memory or not one.card.states):
+            told = {f'{one.key}.{state}' for state in one.card.states} <= set(signals)
+            if set(targets) & set(one.laws) and (memory or told):
                 self._add(model, one, targets, compile_effect(one, tuple(motor)))
                 self.needs |= one.needs() - {*model.parameters.values(), 't', 'turn'}
         self._add_shown(model, targets, motor)
         buffer = np.concatenate(self._rows)
         calls = np.array(self._calls, dtype=np.int64).reshape(-1, 5)
-        reads = [(ROW_OF_ARGUMENT[s], k) for k, s in enumerate(signals) if s in ROW_OF_ARGUMENT]
+        rows = ROW_OF_ARGUMENT | self._own_rows
+        reads = [(rows[s], k) for k, s in enumerate(signals) if s in rows]
         self.table = (
             buffer, buffer.ctypes.data, calls,
             np.array(reads, dtype=np.int64).reshape(-1, 2),
@@ -108,10 +119,10 @@ class LawColumns:
             if not p.trials and model.parameters[f'{one.key}.{p.name}'].free
         ]  # fmt: skip
         plain = len(self._rows) * LANES
-        self._rows += [
-            np.full(LANES, model[f'{one.key}.{p.name}']) for p in one.card.parameters
-        ]
+        self._add_given(model, [f'{one.key}.{p.name}' for p in one.card.parameters])
         state = len(self._rows) * LANES
+        for k, name in enumerate(one.card.states):
+            self._own_rows[f'{one.key}.{name}'] = len(self._rows) + k
         self._rows += [np.zeros(LANES)] * (2 * len(one.card.states))
         self._keep += lanes
         self._begin_at += [
@@ -126,6 +137,12 @@ class LawColumns:
             elif lane.target in one.card.states:
                 self._rates.append((lane, plain, state, len(one.card.states)))
 
+    def _add_given(self, model: Model, names: Sequence[str]) -> None:
+        """Add rows of parameters as they are, which `give` renews."""
+        first = len(self._rows)
+        self._start += [(name, first + k, model[name]) for k, name in enumerate(names)]
+        self._rows += [np.full(LANES, model[name]) for name in names]
+
     def _add_shown(self, model: Model, targets: Sequence[str], motor: Sequence[str]) -> None:
         """Add the laws of the motor's own sensors, one column for each parameter of theirs.
 
@@ -139,6 +156,7 @@ class LawColumns:
             row = np.zeros(LANES)
             row[k] = 1.0
             self._rows[FIRST_PARAMETER_ROW + motor.index(name)] = row
+        self._start = [one for one in self._start if one[0] not in names]
         for lane in compile_effect(own, tuple(motor)):
             if lane.target in targets and lane.arguments & set(names):
                 self._keep.append(lane)
@@ -178,6 +196,12 @@ class LawColumns:
         values = np.array(firsts, dtype=np.int64) + np.array(at, dtype=np.int64)
         rates = values + LANES * np.array([r[3] for r in self._rates], dtype=np.int64)
         return calls, np.array(fades, dtype=np.bool_), values, rates
+
+    def give(self, values: Mapping[str, float]) -> None:
+        """Have laws read these values of parameters, those of the model where there are none."""
+        table = self.table[0].reshape(-1, LANES)
+        for name, row, value in self._start:
+            table[row] = values.get(name, value)
 
     def begin(self, signals: Array) -> None:
         """Give own states that follow a state of the motor its value in the signals (S,)."""

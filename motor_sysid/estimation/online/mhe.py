@@ -27,7 +27,7 @@ from motor_sysid.estimation.online.base import Estimate, OnlineEstimator, Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.horizon import Horizon, Summary
 from motor_sysid.estimation.online.joint import JointFilter
-from motor_sysid.estimation.online.laws import LawColumns
+from motor_sysid.estimation.online.laws import LawColumns, own_states
 from motor_sysid.estimation.online.motion import Motion
 from motor_sysid.estimation.online.sizes import prior_sigma, Sizes
 from motor_sysid.physics.effects import effect
@@ -62,16 +62,17 @@ class Mhe(OnlineEstimator):
     def __init__(self, model: Model, dt: float, outputs: Sequence[str], tuning: Tuning) -> None:
         self._model, self._dt, self._tuning = model, dt, tuning
         self.tracker = JointFilter(model, dt, outputs, tuning, shown_by_sensors(model, outputs))
-        added, n = self.tracker.names, len(model.kind.states)
+        added = self.tracker.names
         delays = [f'{key}.{effect(key).card.delay}' for key in model.effects]
         moved = [
             p.name for p in model.parameters.free if p.name not in added and p.name not in delays
         ]
         self._coordinates = Coordinates([model.parameters[name] for name in (*moved, *added)])
-        self._n, self._p = n, len(moved)
+        self._p = len(moved)
         self._z = self._coordinates.vector([p.value for p in self._coordinates.parameters])
         self._start, self._arrival = self._z.copy(), Arrival(self._z)
         motion = Motion(model, Coordinates([model.parameters[name] for name in moved]))
+        self._n = n = motion.states
         sizes = n, len(model.kind.arguments), len(outputs), len(moved), len(added)
         self._length = max(round(tuning.horizon / dt), 8)
         self._horizon = Horizon(motion, sizes, self._length, dt, _PACE)
@@ -89,7 +90,7 @@ class Mhe(OnlineEstimator):
 
     def step(self, time: float, h: float, u: Array, y: Array) -> Array:
         """Predict, take the sample into the window, and go on with the pass over it."""
-        before, memory = self.tracker.state, self.tracker.motion.memory
+        before = self.tracker.state
         predicted = self.tracker.step(time, h, u, y)
         if self.tracker.sizes is None:
             return predicted
@@ -97,7 +98,7 @@ class Mhe(OnlineEstimator):
         steps = max(round(h / self._dt), 1)
         for k in range(steps):
             seen = self.tracker.seen if k == steps - 1 else None
-            self._horizon.push(before, memory, time + k * self._dt, u, seen)
+            self._horizon.push(before, time + k * self._dt, u, seen)
         self._work()
         return predicted
 
@@ -119,7 +120,7 @@ class Mhe(OnlineEstimator):
             assert self._sizes is not None
             log = self._coordinates.log[: self._p]
             steps = np.where(log, 1e-4, 1e-3 * self._arrival.prior[: self._p])
-            self._horizon.begin(self._z, np.concatenate((1e-6 * self._sizes.state, steps)))
+            self._horizon.begin(self._z, np.concatenate((1e-6 * self.tracker.spans, steps)))
         summary = self._horizon.work(self._scale)
         if summary is not None:
             self._learn(summary)
@@ -143,8 +144,7 @@ class Mhe(OnlineEstimator):
 
     def _begin(self) -> Array:
         """Return what is known beforehand of where a window begins, (n, n)."""
-        assert self._sizes is not None
-        return np.diag(1.0 / np.maximum(self._sizes.state, 1e-9) ** 2)
+        return np.diag(1.0 / np.maximum(self.tracker.spans, 1e-9) ** 2)
 
     def _bounds(self, z: Array) -> tuple[Array, Array]:
         """Return how far a step may go down and up, (n + d,): in its box and not too far."""
@@ -222,6 +222,7 @@ def shown_by_sensors(model: Model, outputs: Sequence[str]) -> list[str]:
     """Return the free parameters that add to measurements and do not move the motor."""
     biases = {o.bias for o in model.kind.outputs if o.bias}
     sensors = [f'{signal}_sensor' for signal in outputs]
-    columns = LawColumns(model, sensors, model.kind.states, memory=False).columns
+    signals = (*model.kind.states, *own_states(model))
+    columns = LawColumns(model, sensors, signals, memory=False).columns
     names = biases | {column.name for column in columns}
     return [p.name for p in model.parameters.free if p.name in names]

@@ -28,6 +28,8 @@ _PER_BLOCK = (LANES - 1) // 2
 class Move(NamedTuple):
     """Where one sample leads; the arrays are written anew by the next one.
 
+    A state is that of the motor, followed by the own states of its effects.
+
     Attributes
     ----------
     state:
@@ -35,7 +37,8 @@ class Move(NamedTuple):
     slope:
         (n, n + p) derivatives of that state by the state before and by the parameters.
     by_force:
-        (n, m) change of that state by a constant torque or voltage of 1 SI unit.
+        (n, m) change of that state by a constant torque or voltage of 1 SI unit; own states
+        follow a sample later.
     curve:
         (n, k) standard deviations that the slope does not tell of, each column one.
     """
@@ -51,8 +54,7 @@ class Motion:
 
     A block of 32 simulations holds the base and 15 differences; more take further blocks.  The
     matrices of the block are kept as long as the parameters stay within ten of their steps: what
-    they moved since is accounted for to first order, which leaves an error of their square.  Own
-    states of effects (heat, say) are carried along, without derivatives.
+    they moved since is accounted for to first order, which leaves an error of their square.
 
     Parameters
     ----------
@@ -63,6 +65,8 @@ class Motion:
 
     Attributes
     ----------
+    states:
+        Number of states: those of the motor, then own states of effects (a twist, heat).
     angle:
         Number of the state that is the angle of the shaft.
     """
@@ -73,14 +77,17 @@ class Motion:
         values = model.parameters.values()
         self._values = np.array([values[name] for name in self._program.names])
         self._rows = np.array([self._program.names.index(n) for n in moved.names], dtype=np.intp)
-        self._n, self._p = len(model.kind.states), len(moved.names)
-        self._memory_rows = np.array(self._program.memory_offsets, dtype=np.intp) // LANES
-        self._memory = np.zeros(self._memory_rows.size)
+        self._core, self._p = len(model.kind.states), len(moved.names)
+        self._own_rows = np.array(self._program.memory_offsets, dtype=np.intp) // LANES
+        cards = [one.card for one in self._program.effects]
+        begins = [card.begins.get(own) for card in cards for own in card.states]
+        self._begins = [model.kind.states.index(name) if name else -1 for name in begins]
+        self.states = self._n = self._core + self._own_rows.size
         self._blocks: list[_Block] = []
         self._center, self._length, self._substeps = np.zeros(self._p), 0.0, 1
         self._omega = model.kind.states.index('omega')
         self.angle = model.kind.states.index('theta')
-        self._used, self._fresh = np.zeros(self._n + self._p), True
+        self._used = np.zeros(self._n + self._p)
         self._slope = np.zeros((self._n, self._n + self._p))
         self._straight = np.zeros((self._n, 0))
 
@@ -90,19 +97,9 @@ class Motion:
             self._values[self._program.names.index(name)] = value
         self._blocks = []
 
-    @property
-    def memory(self) -> Array:
-        """(s,) own states of effects, to be given back to `recall`."""
-        return self._memory
-
-    def recall(self, memory: Array) -> None:
-        """Set the own states of effects to what they were."""
-        self._memory, self._fresh = memory, False
-
-    def forget(self) -> None:
-        """Set the own states of effects to where they begin."""
-        self._memory[:] = 0.0
-        self._fresh = True
+    def beginning(self, motor: Array) -> Array:
+        """Return (n,) for the motor's states: own states begin at one of these, or at zero."""
+        return np.append(motor, [motor[k] if k >= 0 else 0.0 for k in self._begins])
 
     def advance(
         self, x: Array, z: Array, steps: Array, u: Array, time: float, h: float,
@@ -132,17 +129,13 @@ class Motion:
             self._prepare(z, steps[n:], h)
         self._used[:n] = steps[:n]
         drive = Drive(u[np.newaxis, :], h, time, position)
-        memory = self._memory
         for block in self._blocks:
-            self._run(block, x, drive, memory)
-        self._fresh = False
-        self._remember(self._blocks[-1])
+            self._run(block, x, drive)
         state = _at(block.lanes, self._slope, z, self._center)
-        by_force = block.workspace.by_force[:n] * self._substeps
-        return Move(state, self._slope, by_force, self._straight)
+        return Move(state, self._slope, self._by_force(block), self._straight)
 
     def scatter(self, x: Array, z: Array, u: Array, time: float, h: float) -> tuple[Array, Array]:
-        """Advance a cloud of points by one sample; own states of effects are those of the first.
+        """Advance a cloud of points by one sample.
 
         Parameters
         ----------
@@ -158,7 +151,7 @@ class Motion:
         (K, n) states after it, and (n, m) change of the first one by constant forces of one.
         """
         after, by_force = np.empty_like(x), None
-        memory, drive = self._memory, Drive(u[np.newaxis, :], h, time)
+        drive = Drive(u[np.newaxis, :], h, time)
         wanted = self._program.pace.steps(self._values, float(x[0, self._omega]), h)
         self._substeps = paced(self._substeps, wanted)
         for first in range(0, len(x), LANES):
@@ -166,12 +159,11 @@ class Motion:
             block = self._block_of(z[part].T, h)
             block.lanes[:] = x[part][0][:, np.newaxis]
             block.lanes[:, : len(x[part])] = x[part].T
-            self._simulate(block, drive, memory)
+            self._simulate(block, drive)
             after[part] = block.lanes[:, : len(x[part])].T
             if by_force is None:
-                by_force = block.workspace.by_force[: self._n] * self._substeps
-                self._remember(block)
-        self._fresh, self._blocks = False, []
+                by_force = self._by_force(block)
+        self._blocks = []
         assert by_force is not None
         return after, by_force
 
@@ -199,28 +191,25 @@ class Motion:
         )
         return _Block(first, last, np.empty((self._n, LANES)), workspace)
 
-    def _run(self, block: '_Block', x: Array, drive: Drive, memory: Array) -> None:
+    def _run(self, block: '_Block', x: Array, drive: Drive) -> None:
         """Simulate the base and the differences of one block."""
         _set_lanes(block.lanes, x, self._used, block.first, block.last)
-        self._simulate(block, drive, memory)
+        self._simulate(block, drive)
         _set_slopes(block.lanes, self._used, block.first, block.last, self._slope)
 
-    def _remember(self, block: '_Block') -> None:
-        """Keep the own states of effects of the first lane."""
-        if self._memory.size:
-            rows = block.workspace.buffer.reshape(-1, LANES)
-            self._memory = rows[self._memory_rows, 0]
+    def _by_force(self, block: '_Block') -> Array:
+        """Return the change of the state by constant forces of one; see `Move`."""
+        change = np.zeros((self._n, len(self._program.kind.forces)))
+        change[: self._core] = block.workspace.by_force[: self._core] * self._substeps
+        return change
 
-    def _simulate(self, block: '_Block', drive: Drive, memory: Array) -> None:
-        """Advance the lanes of a block, all with the same own states of effects."""
-        if memory.size:
-            rows = block.workspace.buffer.reshape(-1, LANES)
-            rows[self._memory_rows] = memory[:, np.newaxis]
-            if self._fresh:
-                self._program.begin(block.workspace, block.lanes)
-        self._program.advance(
-            block.workspace, block.lanes, drive, self._substeps, _NO_OUTPUTS
-        )
+    def _simulate(self, block: '_Block', drive: Drive) -> None:
+        """Advance the lanes of a block."""
+        motor, own = block.lanes[: self._core], block.lanes[self._core :]
+        rows = block.workspace.buffer.reshape(-1, LANES)
+        rows[self._own_rows] = own
+        self._program.advance(block.workspace, motor, drive, self._substeps, _NO_OUTPUTS)
+        own[:] = rows[self._own_rows]
 
 
 @dataclass(frozen=True)
@@ -228,7 +217,7 @@ class _Block:
     """Simulations of the base (lane 0) and of differences, up and down, by directions.
 
     Directions `first` to `last` (exclusive) are states, then parameters; `lanes` (n, 32) are the
-    states of the motor.
+    states.
     """
 
     first: int

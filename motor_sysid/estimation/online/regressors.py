@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online.derived import DerivedSignals
 from motor_sysid.estimation.online.despike import Sample
-from motor_sysid.estimation.online.reading import add_shown, readings
+from motor_sysid.estimation.online.reading import add_shown, readings, sensor_lags
 from motor_sysid.machine_code import kept
 from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.model import Model, SpeedSensor
@@ -39,7 +39,7 @@ class Regressors:
 
     Between two samples a state that answers the held input with a time constant of a few samples
     is an exponential, not a straight line; it is given the line of the same mean.  Sensor laws of
-    effects are undone with the model's parameters.
+    effects are undone with the model's parameters, filters of first order by ``y + lag dy/dt``.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Regressors:
     Raises
     ------
     UserError
-        If something moves the motor's states at once.
+        If something moves the motor's states at once, or a sensor cannot be undone.
 
     Attributes
     ----------
@@ -79,6 +79,8 @@ class Regressors:
         difference = model.speed_sensor is SpeedSensor.DIFFERENCE
         mean_speed = int(difference or 'omega' not in shown)
         self._motion = np.array([states.index('omega'), states.index('theta'), mean_speed])
+        lags = sensor_lags(model, outputs)
+        self._lag = np.array([lags.get(state, 0.0) for state in states])
         self._offset = np.zeros((2, len(states)))
         for state, bias in self._bias.items():
             if not model.parameters[bias].free:
@@ -153,7 +155,8 @@ class Regressors:
         )  # fmt: skip
         _bend(
             self.measured, self.tracked, sample.u, sample.time, sample.length, sample.before,
-            sample.after, self._column, self._rates, self._pull, self._motion, self._angle,
+            sample.after, self._column, self._lag, self._rates, self._pull, self._motion,
+            self._angle,
         )  # fmt: skip
         self._derived.fill(self.measured)
         self._derived.fill(self.tracked)
@@ -206,11 +209,13 @@ def _set_ends(  # type: ignore[no-untyped-def]
 
 @kept(error_model='numpy')
 def _bend(  # type: ignore[no-untyped-def]
-    ends, tracked, u, time, h, before, after, column, rates, pull, motion, angle
+    ends, tracked, u, time, h, before, after, column, lag, rates, pull, motion, angle
 ):
     """Give both ends (2, S) time, input, motion and turn, and states the line of their mean.
 
     What the other states pull a state along in the sample is straight, the rest is exponential.
+    What passed a filter with time constant `lag` (n,) is straight: before that it was later by so
+    much of its slope, or, if it is a mean that was filtered as it was taken, by what that kept.
     `before` and `after` (n,) are the states at the ends as a filter knows them, `rates` (n,) and
     `pull` (n, n) the diagonal of the system matrix and the rest of it over the diagonal; `motion`
     tells where omega and theta are and whether the speed is a mean.
@@ -223,7 +228,14 @@ def _bend(  # type: ignore[no-untyped-def]
         ends[end, n + u.size] = time + end * h
     for s in range(n):
         a = rates[s] * h
-        if column[s] >= 0 and a > _SLOW:
+        if column[s] >= 0 and lag[s] > 0.0:
+            mean = s == motion[0] and motion[2]
+            ahead = 1 / math.expm1(h / lag[s]) if mean else lag[s] / h
+            shift = ahead * (ends[1, s] - ends[0, s])
+            for at in (s, raw + s):
+                ends[0, at] += shift
+                ends[1, at] += shift
+        elif column[s] >= 0 and a > _SLOW:
             share = -1 / math.expm1(-a) - 1 / a - 0.5
             pulled = 0.0
             for k in range(n):

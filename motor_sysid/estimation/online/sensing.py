@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.estimation.online.algebra import largest_stride, project, widen
 from motor_sysid.estimation.online.base import Tuning
+from motor_sysid.estimation.online.laws import own_states
 from motor_sysid.estimation.online.reading import add_shown, readings, shown_slopes
 from motor_sysid.estimation.online.trust import judge, see, Trust
 from motor_sysid.machine_code import kept
@@ -26,7 +27,7 @@ _SHOWN, _TARGET, _BIAS, _DIFFERENCED, _UNUSED = range(5)
 
 
 class Sensing:
-    """Measurement model of a filter whose state is (motor state, parameters, offsets).
+    """Measurement model of a filter of (motor state, own states, parameters, offsets).
 
     Parameters
     ----------
@@ -49,7 +50,7 @@ class Sensing:
         self._n, self._theta = len(kind.states), kind.states.index('theta')
         self._omega = kind.states.index('omega')
         self.state = np.array([kind.states.index(known[s].state) for s in outputs])
-        laws = readings(model, outputs, index)
+        laws = readings(model, outputs, index, own_states(model))
         lawful = {outputs[channel] for channel in laws[4][1]}
         differenced = np.array([s == 'speed' and late and s not in lawful for s in outputs])
         unused = differenced & ('position' in outputs)

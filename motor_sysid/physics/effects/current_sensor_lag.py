@@ -16,6 +16,7 @@ CARD = Card(
     axis='time',
     states=('i_f',),
     begins={'i_f': 'i'},
+    filter='lag',
     linear=True,
     hidden_by=('slow_sampling',),
 )  # fmt: skip

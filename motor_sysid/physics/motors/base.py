@@ -1,7 +1,7 @@
 """What a motor kind is: its states, channels, parameters, linear core, and laws beyond that."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 import math
 
 import numpy as np
@@ -210,8 +210,14 @@ class Motor:
         return own | rates | {'t', 'turn', 'theta_before', 'step', 'slope', 'voltage'}
 
     def taking(self, one: Effect) -> Effect:
-        """Return an effect with those of its laws that this motor takes."""
+        """Return an effect with those of its laws that this motor takes.
+
+        A law for the sensor of the current is that of whatever signal shows the current ``i``.
+        """
         sensors = [f'{output.signal}_sensor' for output in self.outputs]
+        law, states = one.laws.get('current_sensor'), [output.state for output in self.outputs]
+        if law is not None and 'i' in states:
+            one = replace(one, laws={**one.laws, sensors[states.index('i')]: law})
         equations = [force.name for force in self.forces]
         jumps = [f'jump_{state}' for state in self.states]
         return one.within(self.frame, (*equations, *sensors, *jumps), self.balance)

@@ -18,8 +18,10 @@ from scipy.optimize import least_squares
 from scipy.signal import csd
 
 from motor_sysid.errors import UserError
+from motor_sysid.estimation.batch.information import information
 from motor_sysid.estimation.batch.methods.reference import moving_references, REFERENCES
 from motor_sysid.estimation.batch.methods.rows import result_of
+from motor_sysid.estimation.batch.methods.sampled import one_rate
 from motor_sysid.estimation.batch.problem import Problem
 from motor_sysid.estimation.batch.result import FitResult
 from motor_sysid.physics.drive import input_signals
@@ -28,6 +30,8 @@ from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 Complex = NDArray[np.complex128]
+
+KEY = 'frequency_response'
 
 _SEGMENTS = 6
 _LEAST_COHERENCE = 0.5
@@ -41,7 +45,8 @@ def fit(problem: Problem) -> FitResult:
     Raises
     ------
     UserError
-        If the model has effects, several inputs, or nothing coherent was recorded.
+        If the model has effects, several inputs or an own law, if records differ in their sample
+        time, or if nothing coherent was recorded.
     """
     model = problem.model
     records = [stretch.record for stretch in problem.stretches]
@@ -50,23 +55,28 @@ def fit(problem: Problem) -> FitResult:
             'a frequency response is that of a linear motor; leave out '
             f'{", ".join(model.effects)} or use another method'
         )
+    if model.kind.own is not None or len(model.kind.arguments) > 1:
+        raise UserError(
+            f'`{KEY}` is for linear motors with one input, not for a {model.kind.title}; '
+            'use `least_squares`'
+        )
+    dt = one_rate(records, KEY)
     angle, response, sigma = measured_response(records, model, problem.outputs)
     free = [p for p in model.parameters.free if p.lower > 0]
 
     def residual(z: Array) -> Array:
         values = {p.name: float(np.exp(v)) for p, v in zip(free, z, strict=True)}
-        left = (response_of(model.with_values(values), problem.outputs, records[0].dt, angle)
-                - response) / sigma  # fmt: skip
+        there = response_of(model.with_values(values), problem.outputs, dt, angle)
+        left = (there - response) / sigma
         return np.concatenate([left.real.ravel(), left.imag.ravel()])
 
     bounds = np.log([p.lower for p in free]), np.log([p.upper for p in free])
     found = least_squares(residual, np.log([p.value for p in free]), bounds=bounds)
     slope = np.asarray(found.jac, dtype=np.float64)
-    spread = np.linalg.pinv(slope.T @ slope) * 2 * found.cost / len(slope)
-    values = {p.name: float(np.exp(v)) for p, v in zip(free, found.x, strict=True)}
-    deviations = np.sqrt(np.diag(spread))
-    sigmas = {p.name: values[p.name] * float(s) for p, s in zip(free, deviations, strict=True)}
-    return result_of(problem, model.with_values(values), sigmas)
+    names, values = [p.name for p in free], np.exp(found.x)
+    spread = information(slope, names, values).bound * np.sqrt(2 * found.cost / len(slope))
+    fitted = model.with_values(dict(zip(names, values.tolist(), strict=True)))
+    return result_of(problem, fitted, dict(zip(names, spread.tolist(), strict=True)))
 
 
 def measured_response(

@@ -19,6 +19,7 @@ from motor_sysid.estimation.batch.weighting import white
 from motor_sysid.estimation.online.despike import Sample
 from motor_sysid.estimation.online.equation import Equation, offsets
 from motor_sysid.estimation.online.learners.base import Learner
+from motor_sysid.estimation.online.reading import sensor_lags
 from motor_sysid.estimation.online.regressions import filter_bandwidth, together
 from motor_sysid.estimation.online.regressors import Regressors
 from motor_sysid.physics.drive import Drive, input_signals
@@ -98,7 +99,7 @@ def _feed(
     dt = record.dt
     u = np.column_stack([record[name] for name in input_signals(record, model.kind)])
     y = np.column_stack([record[name] for name in outputs])
-    states = _states(record, model)
+    states = _states(record, model, outputs)
     regressors.restart(y[0])
     for k in range(len(record) - 1):
         sample = Sample(k * dt, dt, u[k], y[k + 1], states[k], states[k + 1])
@@ -108,8 +109,9 @@ def _feed(
         equation.step(regressors.measured, regressors.tracked, dt, drive, prior)
 
 
-def _states(record: Record, model: Model) -> Array:
+def _states(record: Record, model: Model, outputs: Sequence[str]) -> Array:
     """Return (N, n) states for the laws, which may be steep: smoothed measurements."""
+    lags = sensor_lags(model, outputs)
     known = {'omega': measured_speed(record)}
     for output in model.kind.outputs:
         if output.signal in record:
@@ -121,6 +123,8 @@ def _states(record: Record, model: Model) -> Array:
     for j, name in enumerate(model.kind.states):
         if name in known:
             states[:, j] = savgol_filter(known[name], _SMOOTH, 2)
+            late = lags.get(name, 0.0)
+            states[:, j] += late * savgol_filter(known[name], _SMOOTH, 2, 1, record.dt)
     return states
 
 
