@@ -188,6 +188,9 @@ def test_the_model_of_all_has_what_most_have() -> None:
     assert common([[stribeck], [stribeck], [coulomb]]) == (stribeck,)
     assert set(common([[coulomb, drag], [drag, coulomb], [coulomb]])) == {coulomb, drag}
     assert common([[coulomb], []]) == ()
+    load, step = 'constant_load_torque', 'load_torque_step'  # one adds to the other
+    assert set(common([[load, step]] * 3)) == {load, step}
+    assert common([[step], [step], [load]]) == (step,)
 
 
 def member(name: str, friction: float, **other: object) -> Member:

@@ -4,9 +4,10 @@ from closed_loop import DT, FRICTION, TRUE
 import numpy as np
 from online_tools import KINDS
 import pytest
+from scipy.linalg import solve_triangular
 from scipy.signal import lsim
 
-from motor_sysid.estimation.online.algebra import joseph, settle
+from motor_sysid.estimation.online.algebra import joseph, settle, solve_upper
 from motor_sysid.estimation.online.base import Tuning
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.estimation.online.ekf import FilterpyUpdate
@@ -55,6 +56,13 @@ def test_the_compiled_update_is_that_of_filterpy(measured):
             settle(state, covariance, np.empty(0), np.empty(0))
         assert np.abs((found[0] - expected[0]) / size).max() < 1e-12 * max(1, np.abs(z).max())
         assert np.abs((found[1] - expected[1]) / np.outer(size, size)).max() < 1e-12
+
+
+def test_a_triangle_is_solved_as_scipy_does():
+    rng = np.random.default_rng(0)
+    upper = np.triu(rng.standard_normal((9, 9))) + 3 * np.eye(9)
+    right = rng.standard_normal((9, 3))
+    assert solve_upper(upper, right) == pytest.approx(solve_triangular(upper, right), rel=1e-12)
 
 
 @pytest.mark.parametrize('kind', KINDS)

@@ -14,6 +14,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.signals.record import Record
 from motor_sysid.structures import dump_json, dump_yaml, fit, KINDS, parse, predict, simulate
 from motor_sysid.structures.block import denominator
+from motor_sysid.structures.fit import simplest
 
 DT, ROWS, CUT, NOISE = 0.01, 1500, 1100, 0.01
 
@@ -215,6 +216,13 @@ def test_two_inputs_two_outputs_and_a_gap():
         run = simulate(s, piece)
         assert np.std(run[:, 0] - y[:700]) < 0.02 * np.std(y)
         assert np.std(run[:, 1] - z[:700]) < 0.02 * np.std(z)
+
+
+def test_an_order_that_runs_away_is_not_the_simplest():
+    far = float('inf')
+    assert simplest([(far, 1), (0.1, 2), (0.1, 3)]) == (0.1, 2)
+    assert simplest([(0.1, 1), (far, 2), (0.0995, 3)]) == (0.1, 1)
+    assert simplest([(far, 1), (far, 2)]) == (far, 1)
 
 
 def test_bad_questions():

@@ -200,7 +200,7 @@ def common(sets: Sequence[Sequence[str]]) -> tuple[str, ...]:
 
 def _cases(key: str) -> list[str]:
     """Return an effect and its special cases, always in the same order."""
-    return [key, *(k for special in effect(key).card.generalises for k in _cases(special))]
+    return [key, *(k for special in effect(key).card.replaces for k in _cases(special))]
 
 
 def _apart(own: Sequence[str], others: Sequence[str]) -> tuple[str, ...]:

@@ -114,14 +114,14 @@ def _chosen(
             errors.append((_held_error(kind, part, cuts, n, dt), n))
             if len(errors) > 2 and errors[-1][0] > _WORTH * min(e for e, _ in errors[:-1]):
                 break
-        found.append(_simplest(errors))
+        found.append(simplest(errors))
     return float(np.sqrt(np.mean([error**2 for error, _ in found]))), tuple(n for _, n in found)
 
 
-def _simplest(errors: Sequence[tuple[float, int]]) -> tuple[float, int]:
+def simplest(errors: Sequence[tuple[float, int]]) -> tuple[float, int]:
     """Return the smallest order that no larger one beats by a percent."""
     lowest = min(error for error, _ in errors)
-    return next((e, n) for e, n in errors if _WORTH * e <= lowest or not np.isfinite(e))
+    return next((e, n) for e, n in errors if _WORTH * e <= lowest)
 
 
 def _held_error(

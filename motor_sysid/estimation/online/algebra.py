@@ -71,6 +71,20 @@ def project(p, rows):  # type: ignore[no-untyped-def]
 
 
 @kept(error_model='numpy')
+def solve_upper(upper, right):  # type: ignore[no-untyped-def]
+    """Return U^-1 B (d, k) for an upper triangular U (d, d); LAPACK's threads cost far more."""
+    d, k = right.shape
+    found = np.empty((d, k))
+    for i in range(d - 1, -1, -1):
+        for j in range(k):
+            value = right[i, j]
+            for m in range(i + 1, d):
+                value -= upper[i, m] * found[m, j]
+            found[i, j] = value / upper[i, i]
+    return found
+
+
+@kept(error_model='numpy')
 def largest_stride(cross, total, innovation, stride):  # type: ignore[no-untyped-def]
     """Return the largest move of a parameter in units of its stride, at least 1.
 

@@ -15,8 +15,8 @@ are states plus offsets, so that the measurement update is that of the extended 
 from filterpy.kalman import JulierSigmaPoints
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_triangular
 
+from motor_sysid.estimation.online.algebra import solve_upper
 from motor_sysid.estimation.online.motion import Motion, Move
 from motor_sysid.machine_code import kept
 
@@ -40,7 +40,7 @@ class Unscented:
         self._points = JulierSigmaPoints(
             self._size, _REACH**2 - self._size, sqrt_method=_root_upper
         )
-        _root_upper(np.eye(self._size))
+        solve_upper(_root_upper(np.eye(self._size)), np.ones((self._size, motor)))
 
     def __call__(
         self, motion: Motion, x: Array, cov: Array, steps: Array, u: Array, time: float, h: float
@@ -51,7 +51,7 @@ class Unscented:
         after, by_force = motion.scatter(points[:, :n], points[:, n:], u, time, h)
         up, down = after[1 : m + 1], after[m + 1 :]
         root = _root_upper(cov[:m, :m])  # not from the points: a small step is lost beside x
-        slope = solve_triangular(root, (up - down) / (2 * _REACH), check_finite=False).T
+        slope = solve_upper(root, (up - down) / (2 * _REACH)).T
         bend = (0.5 * (up + down) - after[0]) / _REACH
         state = self._points.Wm @ after
         return Move(state, np.ascontiguousarray(slope), by_force, np.ascontiguousarray(bend.T))
