@@ -24,6 +24,7 @@ from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.store import save_model
 from motor_sysid.recording.save import write_record
+from motor_sysid.signals.doctor import examine
 from motor_sysid.signals.record import Provenance, Record
 
 FULL = motor_record(2000)
@@ -98,6 +99,38 @@ def test_fits_and_diagnoses_tell_what_is_passed_over() -> None:
     found = diagnose([A], [B], effects=['coulomb_friction'])
     assert NOTE in found.warnings
     assert not any('is not used' in text for text in fit_model([A]).result.warnings)
+
+
+def test_records_that_are_driven_or_measured_otherwise_are_of_no_one_motor() -> None:
+    linear = {'force': 'N', 'speed': 'm/s'}
+    signals = dict.fromkeys(linear, FULL['speed'])
+    axis = Record(FULL.time, signals, linear, Provenance('axis.csv'))
+    driven = named('a.csv', 'current', 'speed')
+    with pytest.raises(UserError, match=r'a\.csv has current and rotation, axis\.csv force and lin'):
+        fit_model([driven], [axis])
+
+
+@pytest.mark.parametrize('held', [(), (B,)])
+def test_data_that_lack_what_a_given_model_needs_are_refused(held: tuple[Record, ...]) -> None:
+    train = [A] if held else [B]
+    words = r'the model is a brushed DC motor, and needs .* current.*brushed_dc_reduced'
+    for work in (fit_model, diagnose):
+        with pytest.raises(UserError, match=words):
+            work(train, held, model=Model.base('brushed_dc'))
+
+
+def test_a_record_without_voltage_beside_one_with_it_is_an_axis() -> None:
+    """The doctor looked for the voltage of the longest one in all of them."""
+    other = named('b.csv', 'current', 'speed').slice(0, 1500)
+    found = fit_model([A, other])
+    assert found.model.motor == 'mechanical_axis'
+    assert any('voltage of a.csv is not used' in text for text in found.result.warnings)
+    assert any(one.code for one in examine([A, other]))
+
+
+def test_effects_of_which_none_makes_sense_are_no_complete_model() -> None:
+    with pytest.raises(UserError, match='none of the effects asked for makes sense for a brushed'):
+        diagnose([A], effects=['rotor_angle_lag'])
 
 
 def test_compare_tells_it_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -495,3 +495,10 @@ def test_duty_times_supply_is_the_voltage_where_none_is_recorded(tmp_path):
     ))  # fmt: skip
     (record,) = load(path).records
     np.testing.assert_allclose(record['voltage'], np.arange(50.0))
+
+
+def test_a_model_in_place_of_a_recording_is_told(tmp_path: Path) -> None:
+    path = tmp_path / 'model.yaml'
+    path.write_text('motor: brushed_dc\n')
+    with pytest.raises(UserError, match=r'is no recording \(models are .yaml.*`--model`'):
+        load(path)

@@ -55,11 +55,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _lines(reference: 'Model', paths: list[Path], found: 'tuple[Condition, ...]') -> list[str]:
     names = [p.name for p in reference.parameters.free]
-    lines = [f'{"change in %":<24}' + ''.join(f'{name[-16:]:>18}' for name in names)]
+    widths = [max(18, len(name) + 2) for name in names]
+    heads = ''.join(f'{name:>{width}}' for name, width in zip(names, widths, strict=True))
+    lines = [f'{"change in %":<24}{heads}']
     for path, day in zip(paths, found, strict=True):
         places = {p.name: k for k, p in enumerate(day.drift.parameters)}
         cells = [_cell(day, places[name]) if name in places else '-' for name in names]
-        lines.append(f'{path.name[-22:]:<24}' + ''.join(f'{cell:>18}' for cell in cells))
+        row = ''.join(f'{cell:>{width}}' for cell, width in zip(cells, widths, strict=True))
+        lines.append(f'{path.name[-22:]:<24}{row}')
     lines.append('(! beyond chance; - not watched: an offset, or not determined)')
     for path, day in zip(paths, found, strict=True):
         lines.append(f'{path.name}: {day.words}')

@@ -22,12 +22,18 @@ from motor_sysid.diagnosis.search.bench import (
     refuse_short,
     with_scales,
 )
-from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
+from motor_sysid.diagnosis.search.motor_kind import (
+    choose_kind,
+    refuse_mixed,
+    remarks,
+    told_kind,
+)
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest, stands_still
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.effort import counted_by
+from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import Chain
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
@@ -95,6 +101,7 @@ def diagnose(
     records, held = prepared_parts(train, validation, wanted, known)
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
+    refuse_mixed(kind, [*records, *held], model)
     refuse_model_at_rest(model, records)
     notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
@@ -102,6 +109,7 @@ def diagnose(
     tell(f'fitting a linear {kind.title}')
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
+    notes += _passed_over(effects or (), model)
     if kind.currents and stands_still([*records, *held]):
         found = diagnosis_at_rest(climb(model, bench), bench)
         searched = tuple(records), tuple(held)
@@ -118,7 +126,6 @@ def diagnose(
         tell('the held-out data show it more: fitting half of them, too')
         found = better_with_half_lent(found, search.anew(records, held, lent=True))
     found = without_odd_record(found, bench, records, held, search.anew, tell)
-    notes += _passed_over(effects or (), model)
     found = replace(found, warnings=(*notes, *found.warnings))
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
     found = with_what_data_may_hide(found, odd, beyond_training(bench.train_free, bench.held_free))
@@ -164,6 +171,11 @@ def _passed_over(asked: Sequence[str], model: Model) -> tuple[str, ...]:
         effect(key).card.title for key in asked
         if key not in model.effects and not effect(key).after and not model.admits(effect(key))
     ]  # fmt: skip
+    if idle and len(idle) == len(asked):
+        raise UserError(
+            f'none of the effects asked for makes sense for a {model.kind.title} recorded like '
+            f'this: {listed(idle)}; docs/effects.md says what each needs'
+        )
     what = f'for a {model.kind.title} recorded like this, and not tried'
     return (f'no sense {what}: {listed(idle)}',) if idle else ()
 

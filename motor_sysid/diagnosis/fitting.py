@@ -16,7 +16,12 @@ from motor_sysid.diagnosis.search.bench import (
     with_scales,
 )
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
-from motor_sysid.diagnosis.search.motor_kind import choose_kind, remarks, told_kind
+from motor_sysid.diagnosis.search.motor_kind import (
+    choose_kind,
+    refuse_mixed,
+    remarks,
+    told_kind,
+)
 from motor_sysid.diagnosis.search.refit import try_effect
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest
@@ -166,6 +171,7 @@ def bench_of(
     wanted = told_kind([*train, *validation], asked, known)
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
+    refuse_mixed(kind, [*records, *held], model)
     refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
     notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)

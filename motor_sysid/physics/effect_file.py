@@ -24,6 +24,7 @@ from motor_sysid.physics.effect import (
     SHORTFALLS,
     SUM,
 )
+from motor_sysid.signals.units import did_you_mean
 
 _SAMPLES = np.array([0.5, -0.25, 3.0, 0.0])
 
@@ -130,9 +131,19 @@ def _problem(one: Effect) -> str:
         return f'the card names `{stray}`, which is none of its shapes'
     if unread := [name for name in names if name not in read]:
         return f'no law reads its parameter `{unread[0]}`'
+    if foreign := sorted(read - {*names, *card.states, *_known_to_motors()} - {''}):
+        near = did_you_mean(foreign[0], {*names, *card.states, *_known_to_motors()})
+        return f'a law asks for `{foreign[0]}`, which no motor has{near}'
     if blank := _not_proposed(one):
         return f'its laws let no data propose values of `{blank}`; give it starts'
     return next(filter(None, (_fault(name, law) for name, law in laws.items())), '')
+
+
+def _known_to_motors() -> set[str]:
+    """Return all that a law may ask some motor for."""
+    from motor_sysid.physics.motors import motors
+
+    return {name for kind in motors().values() for name in kind.names()}
 
 
 def _not_proposed(one: Effect) -> str:

@@ -25,6 +25,7 @@ Array = NDArray[np.float64]
 
 VOLTAGE, DUTY = 'voltage', ('duty', 'supply_voltage')
 
+WRITTEN = {'.yaml', '.yml', '.json'}
 KINDS = 'a bag folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz'
 """What a recording may be, in words."""
 
@@ -76,6 +77,11 @@ def load(
         raise UserError(f'{path} does not exist; DATA is {KINDS}')
     if path.suffix == '.bag':
         raise UserError(f'{path} is a ROS 1 bag; convert it with rosbags-convert')
+    if path.suffix in WRITTEN:
+        raise UserError(
+            f'{path} is no recording (models are .yaml, results .json); DATA is {KINDS}. Give a '
+            'model where the verb takes one: `--model`, or before DATA'
+        )
     try:
         config = _config(msg_config)
         if is_bag(path):

@@ -4,10 +4,12 @@ from collections.abc import Callable, Mapping, Sequence
 import math
 from types import MappingProxyType
 
+from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.search.standstill import stands_still, words_of_standstill
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import observed_outputs
 from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor, motors
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import top_speed
@@ -86,6 +88,37 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
     )
     duty = all('duty' in r for r in records)
     raise UserError(f'{told}{f", or add {SUPPLY}" if duty else ""}')
+
+
+def refuse_mixed(kind: Motor, records: Sequence[Record], model: Model | None = None) -> None:
+    """Refuse records that are not driven and measured alike, or not as a given model needs it.
+
+    Raises
+    ------
+    UserError
+        If they are; it names two of them that differ, or what the model needs.
+    """
+    alike: dict[tuple[str, ...], str] = {}
+    for record in records:
+        inputs = [
+            'current' if name in DRIVING_CURRENTS else name
+            for name in input_signals(record, kind)
+        ]
+        motion = {record.units[name] for name in ('speed', 'position') if name in record}
+        linear = 'linear motion' if any(u.startswith('m') for u in motion) else 'rotation'
+        alike.setdefault((*inputs, linear), _sources([record]))
+    if len(alike) > 1:
+        one, other = list(alike.items())[:2]
+        raise UserError(
+            f'{one[1]} has {listed(one[0])}, {other[1]} {listed(other[0])}: these are no records '
+            'of one motor; give them one by one'
+        )
+    if model is not None and model.motor != kind.key:
+        raise UserError(
+            f'the model is a {model.kind.title}, and needs {_needs(model.kind, model.motor)}. '
+            f'Not all of these data have that: leave out those that lack it, or begin without the '
+            f'model (`--motor {kind.key}`)'
+        )
 
 
 def _fits(kind: Motor, record: Record) -> bool:

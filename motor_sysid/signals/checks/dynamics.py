@@ -70,7 +70,8 @@ def _lag(records: Sequence[Record], driver: str) -> Iterator[Finding]:
         return
     found = [
         lag for r in records
-        if current in r and _is_regular(r) and (lag := response_lag(r, driver, current))
+        if current in r and driver in r and _is_regular(r)
+        and (lag := response_lag(r, driver, current))
     ]  # fmt: skip
     if not found:
         return
