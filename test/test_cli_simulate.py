@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from motor_sysid.cli import main
+from motor_sysid.diagnosis.search.motor_kind import told_kind
 from motor_sysid.estimation.batch import refit
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import load_model
@@ -11,6 +12,7 @@ from motor_sysid.recording import load
 from motor_sysid.recording.save import write_record
 from motor_sysid.signals import Record
 from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.phases import hall_sector
 
 SHORT = ['--duration', '3', '--profile', 'reversals']
 MOTOR = ['--set', 'R=1.2', 'L=1.5e-3', 'k_t=0.055', 'J=8e-5', 'b=3e-5']
@@ -119,6 +121,21 @@ def test_a_bag_of_three_phases_is_one_that_can_be_used(tmp_path, capsys, motor):
     assert all(f'{name} [' in written for name in record)
     assert ('current_d' in record, 'current_c' in record) == (False, False)
     assert main(['check', str(bag)]) == 0
+
+
+@pytest.mark.parametrize('name', ['run.csv', 'bag'])
+def test_a_six_step_motor_shows_its_hall_sectors(tmp_path, name):
+    """By them its own record is taken for what it is; an offset of the angle moves them."""
+    out, again = tmp_path / name, tmp_path / 'again.csv'
+    values = ['R=0.8', 'L=1.2e-3', 'k_t=0.045', 'J=4e-5', 'pole_pairs=4', 'angle_offset=0.3']
+    six = ['simulate', '--motor', 'bldc_six_step', '--set', *values, '--ideal']
+    assert main([*six, '--open-loop', '4', *SHORT, '-o', str(out)]) == 0
+    assert main([*six, '--input', str(out), '-o', str(again)]) == 0
+    for record in (one(out), one(again)):
+        sectors = hall_sector(4 * record['position'] + 0.3)
+        assert np.array_equal(record['hall_sector'], sectors)
+        assert set(sectors) == set(range(1, 7))
+        assert told_kind([record], None) == 'bldc_six_step'
 
 
 def test_an_input_is_followed_at_its_own_rate_and_read_as_a_msg_config_says(tmp_path):

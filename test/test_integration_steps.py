@@ -124,6 +124,20 @@ def test_a_last_step_that_spoils_the_fit_is_not_taken(monkeypatch):
     assert unsettled[names.index('L')] > 0.0
 
 
+def test_where_no_step_lowers_the_error_the_fit_says_so(monkeypatch):
+    """It is as good as it gets then, and not out of steps."""
+    bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)
+    names = [p.name for p in rung.model.parameters.free]
+    astray = np.where(np.array(names) == 'R', 1.0, 0.0)
+    monkeypatch.setattr(steps, 'newton_step', lambda *_: astray)
+    monkeypatch.setattr(steps, 'BRIEF', -np.inf)
+    found, _ = steps._followed(rung, bench, np.full(len(names), 1e-9))
+    assert found.model['R'] == pytest.approx(rung.model['R'])
+    assert found.result.success
+    told = f'after {steps.CHORDS + 1} steps no step lowers the error any more'
+    assert found.result.reason == told
+
+
 def test_where_known_derivatives_lead_nowhere_new_ones_are_taken():
     """Derivatives of half the size lead twice as far as they should, to and fro."""
     bench, rung = prepared(records(FRICTION, seconds=3.0), SpeedSensor.DIFFERENCE)

@@ -48,6 +48,11 @@ def test_parameters_come_back_from_far_starts(factor):
     assert not result.warnings
 
 
+def test_a_fit_that_runs_out_of_steps_says_so():
+    result = fit(a_problem(a_start(3.0), records(HIDDEN, seconds=2.0)), reweight=0, iterations=1)
+    assert (result.success, result.reason) == (False, 'stopped after 1 step without converging')
+
+
 def test_stated_uncertainty_is_honest():
     """Errors over sigmas have a spread near 1.
 

@@ -1,5 +1,6 @@
 """Clarke and Park: one convention, told from the mix-ups that are usual."""
 
+from dataclasses import replace
 from pathlib import Path
 
 from hypothesis import given
@@ -7,11 +8,17 @@ from hypothesis import strategies as st
 import numpy as np
 import pytest
 
+from motor_sysid.diagnosis.search.bench import prepared
+from motor_sysid.diagnosis.search.motor_kind import choose_kind
 from motor_sysid.errors import UserError
+from motor_sysid.nodes.configuration import Configuration
 from motor_sysid.nodes.topics import DEFAULT_SOURCES, plan_signals
+from motor_sysid.physics.model import Model
 from motor_sysid.recording import load
 from motor_sysid.recording.save import write_record
+from motor_sysid.recording.sources import Source
 from motor_sysid.signals.phases import (
+    CURRENTS,
     electrical_angle,
     hall_sector,
     line_voltages,
@@ -124,6 +131,18 @@ def test_a_third_current_is_the_rest_and_a_third_voltage_is_not() -> None:
         electrical_angle(1.0, 0)
 
 
+@pytest.mark.parametrize('missing', CURRENTS)
+def test_any_two_currents_make_a_brushless_motor(missing: str) -> None:
+    full = turning()
+    two = full.select([name for name in full if name != missing])
+    (ready,) = prepared([two], None, {})
+    assert choose_kind([ready], None).key == choose_kind([ready], 'bldc').key == 'bldc'
+    assert np.allclose(ready[missing], full[missing])
+    one = full.select([name for name in full if name not in CURRENTS[1:]])
+    with pytest.raises(UserError, match='current_b'):
+        choose_kind(prepared([one], 'bldc', {}), 'bldc')
+
+
 @pytest.mark.parametrize('form', ['phases.csv', 'bag'])
 def test_both_frames_survive_a_file(form: str, tmp_path: Path) -> None:
     record = with_dq(turning(), 4, 0.7)
@@ -153,3 +172,31 @@ def test_phases_are_heard_live(axes: str) -> None:
     assert [s.field for s in plan.topics[0].sources] == [
         f'vector.{part}' for part in 'xyz'[: len(axes)]
     ]
+
+
+@pytest.mark.parametrize('missing', CURRENTS)
+@pytest.mark.parametrize('apart', [False, True])
+def test_any_two_currents_are_enough_live(missing: str, apart: bool) -> None:
+    """The third one is not sent, or it is no number in a message that has place for it."""
+    sources: list[Source] = list(DEFAULT_SOURCES)
+    if apart:
+        sources = [
+            replace(s, topic=f'drive/{s.signal}') if s.signal in CURRENTS else s
+            for s in sources if s.signal != missing
+        ]  # fmt: skip
+    configuration = Configuration(Model.base('bldc', {'pole_pairs': 4.0}))
+    plan = configuration.plan(sources)
+    assert [name for name in plan.names if 'current' in name] == (
+        [f'drive/{name}' for name in CURRENTS if name != missing] if apart else ['motor/current']
+    )
+    pipeline = configuration.pipeline(plan, [topic.reader() for topic in plan.topics], 100)
+    sent = {'current_a': 1.0, 'current_b': 2.0, 'current_c': -3.0, missing: np.nan}
+    for stamp in range(3):
+        for k, topic in enumerate(plan.topics):
+            of_topic = [sent.get(source.signal, 0.5) for source in topic.sources]
+            pipeline.join.push(k, stamp, tuple(of_topic))
+    pipeline.advance()
+    record = pipeline.record()
+    assert record is not None
+    assert (record['current_a'][0], record['current_b'][0]) == (1.0, 2.0)
+    assert pipeline.not_finite == 0

@@ -47,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     from motor_sysid.diagnosis.result.document import SCHEMA, where_document
     from motor_sysid.diagnosis.search.motor_kind import passed_over
     from motor_sysid.estimation.batch import observed_outputs
+    from motor_sysid.signals.phases import with_third_current
 
     _check_ceiling(args)
     load_effect_files(args.effect_file)
@@ -72,7 +73,8 @@ def run(args: argparse.Namespace) -> int:
             f'by {one.axis}: {100 * one.error_share[worst]:.0f} % of the squared error lies '
             f'{place}, in {100 * one.time_share[worst]:.0f} % of the time'
         )
-    unused = passed_over(records, lambda some: set(observed_outputs(model.kind, some)))
+    whole = [with_third_current(record) for record in records]
+    unused = passed_over(whole, lambda some: set(observed_outputs(model.kind, some)))
     for note in (*beyond_range(model, records), *unused):
         print(f'note: {note}')
     document: dict[str, object] = {

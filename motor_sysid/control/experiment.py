@@ -10,6 +10,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.stepper import Stepper
 from motor_sysid.signals.channels import BY_NAME
+from motor_sysid.signals.phases import sector_at
 from motor_sysid.signals.record import Provenance, Record
 
 Array = NDArray[np.float64]
@@ -26,6 +27,8 @@ def run_open(
     substeps: int = 4,
 ) -> Record:
     """Run a model under given inputs.
+
+    A motor that is known by its Hall sectors shows them, too: those of its true angle.
 
     Parameters
     ----------
@@ -44,9 +47,18 @@ def run_open(
     table = np.column_stack([inputs[name] for name in names])
     plant, rows = Stepper(model, dt, substeps), []
     for u in table:
-        rows.append(dict(sense(plant)))
+        rows.append({**sense(plant), **_sectors(plant)})
         plant.step(u.tolist())
     return _record(model, dt, rows, {name: table[:, j] for j, name in enumerate(names)})
+
+
+def _sectors(plant: Stepper) -> dict[str, float]:
+    """Return the Hall sector of a motor whose kind has them, now."""
+    model = plant.model
+    if 'hall_sector' not in model.kind.tells:
+        return {}
+    angle = model['pole_pairs'] * plant.state['theta'] + model['angle_offset']
+    return {'hall_sector': float(sector_at(angle))}
 
 
 def run_closed(

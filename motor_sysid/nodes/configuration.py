@@ -11,10 +11,18 @@ from motor_sysid.estimation.online import OnlineIdentifier
 from motor_sysid.estimation.stream import EstimateStream, Rates
 from motor_sysid.nodes.pipeline import Pipeline
 from motor_sysid.nodes.topic_plan import TopicReader
-from motor_sysid.nodes.topics import DC, is_carried, lacking, plan_signals, SignalPlan
+from motor_sysid.nodes.topics import (
+    DC,
+    is_carried,
+    lacking,
+    plan_signals,
+    SignalPlan,
+    with_third_current,
+)
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.store import dump_model, parse_model
 from motor_sysid.recording.sources import Source
+from motor_sysid.signals.phases import CURRENTS
 
 SECOND = 1_000_000_000
 TYPICAL = 0.002
@@ -116,7 +124,8 @@ class Configuration:
         """Return what to listen to; see `plan_signals`.
 
         The model is driven by the first set of inputs that has sources.  Outputs may be missing as
-        far as the estimator can do without.
+        far as the estimator can do without.  A phase current that no topic carries is made from
+        the other two; so is one that turns out to have no values, if it is heard with them.
 
         Raises
         ------
@@ -124,13 +133,19 @@ class Configuration:
             If no set of inputs has sources, or too few of the outputs.
         """
         sets = self.model.kind.inputs
+        sources = with_third_current(sources, self.frame)
         carried = partial(is_carried, sources=sources, frame=self.frame)
         inputs = next((names for names in sets if all(map(carried, names))), None)
         if inputs is None:
             raise lacking(' or '.join(' and '.join(f'`{n}`' for n in names) for names in sets))
         outputs = tuple(filter(carried, self.outputs()))
         wanted = *inputs, *outputs
-        plan = plan_signals(sources, wanted, self.frame, base_clock, there, outputs)
+        choose = partial(plan_signals, sources, frame=self.frame, base_clock=base_clock,
+                         there=there, spare=outputs)  # fmt: skip
+        plan = choose(wanted)
+        if len(phases := {*CURRENTS} & {*outputs}) == 2 and carried(*{*CURRENTS} - phases):
+            more = choose((*wanted, *{*CURRENTS} - phases))
+            plan = more if more.names == plan.names else plan
         self._check([name for name in outputs if name in plan.signals])
         return plan
 

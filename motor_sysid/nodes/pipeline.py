@@ -21,6 +21,7 @@ from motor_sysid.nodes.topics import SignalPlan
 from motor_sysid.nodes.window import Window
 from motor_sysid.signals.clock_join import Sample
 from motor_sysid.signals.join import Row
+from motor_sysid.signals.phases import CURRENTS
 from motor_sysid.signals.record import Provenance, Record, Samples
 
 Array = NDArray[np.float64]
@@ -83,6 +84,7 @@ class Pipeline:
             np.array([self.signals.index(name) for name in inputs]),
             np.array([self.signals.index(n) if n in self.signals else -1 for n in outputs]),
         )
+        self._currents = [self.signals.index(name) for name in CURRENTS if name in self.signals]
         self._speed = self.signals.index('speed') if 'speed' in self.signals else -1
         self._needed = self._without('speed' if 'position' in self.signals else '')
         self.window = Window(window, len(self.signals))
@@ -164,13 +166,26 @@ class Pipeline:
     def _work(self, rows: Sequence[Row | Sample]) -> list[Event]:
         stamps = np.array([row[0] for row in rows], dtype=np.int64)
         read = self.join.read(rows, self._begins(stamps))
-        values = self.plan.with_computed(read.values)
+        values = self._with_third(self.plan.with_computed(read.values))
         if self._speed >= 0 and np.isfinite(values[:, self._speed]).any():
             self._speed, self._needed = -1, self._without('position')
         good, inputs, outputs = _arrange(values, self._needed, *self._columns)
         self.not_finite += len(rows) - int(np.count_nonzero(good))
         self.window.append(stamps, values, good)
         return self._feed(stamps, inputs, outputs, self._fresh(read.fresh))
+
+    def _with_third(self, values: Array) -> Array:
+        """Return (K, columns) values with a phase current that has none made from the others."""
+        if len(self._currents) < 3:
+            return values
+        three = values[:, self._currents]
+        lacks = np.isnan(three)
+        lacks &= np.count_nonzero(lacks, axis=1)[:, None] == 1
+        if not np.any(lacks):
+            return values
+        values = values.copy()
+        values[:, self._currents] = np.where(lacks, -np.nansum(three, axis=1)[:, None], three)
+        return values
 
     def _fresh(self, read: Mask | None) -> Mask | None:
         """Return which outputs (K, n_y) were measured about then; what is computed counts so."""

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from motor_sysid.errors import UserError
 from motor_sysid.nodes.topic_plan import TopicPlan
 from motor_sysid.recording.sources import MsgConfig, Source
+from motor_sysid.signals.phases import CURRENTS
 
 Array = NDArray[np.float64]
 
@@ -161,6 +162,18 @@ def plan_signals(
 def is_carried(signal: str, sources: Sequence[Source], frame: str = DC) -> bool:
     """Tell whether a signal has a source that can be read live."""
     return bool(_ways(signal, sources, frame, None, {}))
+
+
+def with_third_current(sources: Sequence[Source], frame: str) -> tuple[Source, ...]:
+    """Return the sources with one of the phase current that has none, where the other two have.
+
+    It is minus their sum (floating neutral).
+    """
+    carried = [name for name in CURRENTS if is_carried(name, sources, frame)]
+    if len(carried) != 2:
+        return tuple(sources)
+    (missing,) = set(CURRENTS) - set(carried)
+    return *sources, Source(missing, sum=tuple(carried), sign=-1)
 
 
 def lacking(signals: str) -> UserError:

@@ -54,14 +54,14 @@ class Heading:
 def understand(column: str, columns: Sequence[str]) -> Heading | None:
     """Return what a header means, or None if it is not one of ours.
 
-    ``current_a`` is a current in ampere, unless ``current_b`` stands beside it (phases).
+    ``current_a`` is a current in ampere, unless another phase stands beside it.
     """
     name, unit = _parts(column)
     if unit:
         signal = _signal(name)
         return Heading(column, signal, unit) if signal else None
     others = {_plain(other) for other in columns}
-    if name == 'current_a' and 'current_b' not in others:
+    if name == 'current_a' and not others & {'current_b', 'current_c'}:
         return Heading(column, 'current', 'A')
     if signal := _signal(name):
         return Heading(column, signal, '')

@@ -26,6 +26,7 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 
 PHASES = ('a', 'b', 'c')
+CURRENTS = tuple(f'current_{phase}' for phase in PHASES)
 SECTOR = math.pi / 3
 """Electrical angle of one Hall sector, rad."""
 _ROOT_3 = math.sqrt(3)
@@ -142,6 +143,18 @@ def phases_of_line(lines: ArrayLike) -> Array:
     return (x - np.roll(x, 1, axis=-1)) / 3
 
 
+def with_third_current(record: Record) -> Record:
+    """Return the record with the phase current that is not measured, where the other two are.
+
+    It is minus their sum (floating neutral).
+    """
+    there = [name for name in CURRENTS if name in record]
+    if len(there) != 2:
+        return record
+    (missing,) = set(CURRENTS) - set(there)
+    return record.with_signal(missing, -(record[there[0]] + record[there[1]]), 'A')
+
+
 def phase_columns(record: Record, kind: str) -> Array:
     """Return (N, 3) phases of `kind`, ``voltage`` or ``current``.
 
@@ -153,11 +166,10 @@ def phase_columns(record: Record, kind: str) -> Array:
         If they are not there.
     """
     names = [f'{kind}_{axis}' for axis in PHASES]
+    if kind == 'current':
+        record = with_third_current(record)
     missing = [name for name in names if name not in record]
-    if kind == 'current' and len(missing) == 1:
-        others = sum(record[name] for name in names if name in record)
-        record = record.with_signal(missing[0], -np.asarray(others), 'A')
-    elif missing:
+    if missing:
         raise UserError(
             f'the record has no {" and no ".join(f"`{name}`" for name in missing)}; name the '
             'columns or fields of all phases in a msg_config file'

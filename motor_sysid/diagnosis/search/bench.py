@@ -33,6 +33,7 @@ from motor_sysid.physics.scales import Scales, scales_of
 from motor_sysid.signals.hall import with_hall_position
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.noisy_input import with_quiet_inputs
+from motor_sysid.signals.phases import with_third_current
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.slow_updates import with_moving_positions, with_news_held
 from motor_sysid.signals.strays import without_strays
@@ -155,10 +156,11 @@ def prepared(
 ) -> list[Record]:
     """Return uniform records without stray samples and noise of a voltage that does not act.
 
-    And with what the motor needs and others tell: a position from Hall sectors, or speed and
-    acceleration from the position.
+    And with what the motor needs and others tell: a third phase current, a position from Hall
+    sectors, or speed and acceleration from the position.
     """
-    even = with_quiet_inputs([without_strays(record).uniform() for record in records])
+    mended = [with_third_current(without_strays(record).uniform()) for record in records]
+    even = with_quiet_inputs(mended)
     even = with_moving_positions(even)
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]

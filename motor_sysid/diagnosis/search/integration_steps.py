@@ -299,13 +299,13 @@ def _followed(rung: Rung, bench: Bench, sigma: Array) -> tuple[Rung, Array]:
             if found.held.error_percent < SPOILED * rung.held.error_percent:
                 return found, 0 * move
             break
+    best = replace(best, rough=best.iterations < 2 * CHORDS)
     return _judged(problem, weighting, best, bench), unsettled
 
 
 def _judged(problem: Problem, weighting: Weighting, at: Solution, bench: Bench) -> Rung:
     """Return the fit that is a solution."""
-    found = result_at(problem, weighting, at, at.simulations, at.iterations)
-    return judge(found, bench, at.near)
+    return judge(result_at(problem, weighting, at, at.simulations, at.iterations), bench, at.near)
 
 
 def _secant(curvature: Array, step: Array, fall: Array) -> Array:

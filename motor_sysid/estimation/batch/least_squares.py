@@ -47,6 +47,8 @@ class Solution:
         Effort.
     near:
         Residuals and derivatives at `z`, one for each scored stretch; empty if not known.
+    rough:
+        Whether it stopped because no step lowered the cost any more, though one should have.
     """
 
     z: Array
@@ -55,6 +57,7 @@ class Solution:
     iterations: int
     simulations: int
     near: tuple[Linearization, ...] = ()
+    rough: bool = False
 
 
 def fit(
@@ -346,7 +349,7 @@ def result_at(
     rms = np.sqrt(np.mean(np.concatenate(residuals) ** 2, axis=0))
     return FitResult(
         model=model.with_estimates({}, sigmas),
-        success=solution.converged,
+        success=solution.converged or solution.rough,
         reason=_reason(solution),
         cost=solution.cost,
         weighting=weighting,
@@ -369,7 +372,9 @@ def _reason(solution: Solution) -> str:
     steps = f'{solution.iterations} step' + 's' * (solution.iterations != 1)
     if solution.converged:
         return f'converged after {steps}'
-    return f'stopped after {steps} without converging; raise `iterations`'
+    if solution.rough:
+        return f'after {steps} no step lowers the error any more'
+    return f'stopped after {steps} without converging'
 
 
 def _warnings(model: Model) -> tuple[str, ...]:
