@@ -177,6 +177,9 @@ def test_what_a_motor_kind_has_no_place_for_is_told(
     terminals = file(tmp_path, 'nominal: {back_emf_constant_line_line_Vs_per_rad: 0.1}')
     assert load_datasheet(terminals, 'brushed_dc').unread
     assert not load_datasheet(terminals, 'bldc').unread
+    between = load_datasheet(terminals, 'bldc_six_step')
+    assert not between.unread
+    assert between.nominal['k_t'] == 0.1
 
 
 def test_one_inductance_and_a_torque_constant_are_those_of_both_axes(tmp_path: Path) -> None:

@@ -100,3 +100,10 @@ def test_what_nothing_tells_of_is_infinitely_unknown_and_makes_no_warning(recwar
     found = told_by(slope, parabola(slope))
     assert np.all(np.isfinite(found))
     assert not recwarn.list
+
+
+def test_derivatives_that_overflow_tell_nothing_and_do_not_end_it():
+    slope = a_slope(0)
+    slope[3, 1] = np.inf
+    with np.errstate(invalid='ignore'):
+        assert np.all(told_by(slope, parabola(a_slope(0))) == 1.0)

@@ -148,7 +148,8 @@ def _has_place(kind: object, symbol: str) -> bool:
         return True
     kinds = [kind, motor(kind).unmeasured, motor(kind).blurred]
     names = {p.name for one in kinds if one for p in motor(one).parameters}
-    return symbol in names or 'R' not in names
+    filled = symbol == 'k_e' and _whole(kind)  # stands in for the torque constant
+    return symbol in names or filled or 'R' not in names
 
 
 def _for_axes(kind: object, nominal: Mapping[str, float]) -> dict[str, float]:

@@ -97,8 +97,13 @@ class Around:
 
     @cached_property
     def root(self) -> Array:
-        """(d, d) moves of one standard error each, as the derivatives have it."""
+        """(d, d) moves of one standard error each, as the derivatives have it.
+
+        Not a number where these overflow: then nothing is known.
+        """
         known = self.told[1]
+        if not np.all(np.isfinite(known)):
+            return np.full(known.shape, np.nan)
         size = np.sqrt(np.maximum(np.diag(known), 1e-300))
         values, vectors = np.linalg.eigh(known / np.outer(size, size))
         moves: Array = vectors / np.sqrt(np.maximum(values, 1e-12)) / size[:, np.newaxis]
