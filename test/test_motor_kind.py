@@ -6,19 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from recording_tools import motor_record
+from three_phase_records import bldc_record, PMSM, pmsm_record
 
 from motor_sysid.cli import main
 from motor_sysid.diagnosis import diagnose
-from motor_sysid.diagnosis.fitting import fit_model
+from motor_sysid.diagnosis.fitting import compare_model, fit_model
 from motor_sysid.diagnosis.search.motor_kind import (
     choose_kind,
     is_field_lost,
     passed_over,
+    remarks,
     remarks_on_field,
     remarks_on_units,
     told_kind,
     used_signals,
 )
+from motor_sysid.diagnosis.search.rotor_axes import axes_told
 from motor_sysid.errors import UserError
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
@@ -75,6 +78,51 @@ def test_a_wanted_kind_says_what_it_needs(wanted: str, needed: str) -> None:
         choose_kind([B], wanted)
     assert needed in str(problem.value)
     assert 'These data have speed, voltage; name what is missing' in str(problem.value)
+
+
+def phases(offset: float) -> Record:
+    """Return a synchronous motor in phases; d is at `offset` where the encoder is at zero."""
+    record = pmsm_record(2.0)[1]
+    names = [f'voltage_{p}' for p in 'abc'] + ['current_a', 'current_b', 'speed', 'position']
+    position = record['position'] - offset / PMSM.pole_pairs
+    return record.select(names).with_signal('position', position, 'rad')
+
+
+def test_a_synchronous_motor_is_fitted_from_its_phases(tmp_path: Path) -> None:
+    """Pole pairs and encoder zero come from them, and stay with the model."""
+    record = phases(1.3)
+    rung = fit_model([record], motor='pmsm')
+    model, machine = rung.model, PMSM
+    assert (model['pole_pairs'], model['angle_offset']) == (4.0, pytest.approx(1.3, abs=0.03))
+    assert any('made from the phases, with the 4 pole pairs' in n for n in rung.result.warnings)
+    for name, true in (('R', machine.R), ('L_q', machine.L_q), ('psi_f', machine.k_e / 4)):
+        assert model[name] == pytest.approx(true, rel=0.05)
+    assert compare_model(model, [record])[0].error_percent < 2 * rung.training.error_percent
+    given = {'pole_pairs': 4.0, 'angle_offset': 1.25}
+    assert axes_told([record], 'pmsm', given) == axes_told([record], None, {}) == {}
+    assert fit_model([record], motor='pmsm', nominal=given).model['angle_offset'] == 1.25
+
+
+def test_phases_that_do_not_tell_d_and_q_are_refused_with_what_helps() -> None:
+    record = phases(0.0)
+    still = record.with_signal('position', 0.0 * record.time, 'rad')
+    swapped = record.with_signal('voltage_b', record['voltage_c'], 'V')
+    swapped = swapped.with_signal('voltage_c', record['voltage_b'], 'V')
+    for records, known, why in (
+        ([still], {}, 'the motion does not tell'), ([swapped], {}, 'turn against the shaft'),
+        ([record], {'pole_pairs': 7.0}, 'show 4 pole pairs, and 7 are given'),
+        ([record, phases(1.0)], {}, 'from record to record'),
+    ):  # fmt: skip
+        with pytest.raises(UserError, match=f'{why}.*motor-sysid check.*with_dq'):
+            fit_model(records, motor='pmsm', nominal=known)
+    with pytest.raises(UserError, match=r'`position`.*motor-sysid check.*with_dq'):
+        fit_model([record.select([n for n in record if n != 'position'])], motor='pmsm')
+
+
+def test_that_phases_are_taken_for_a_trapezoid_is_told() -> None:
+    record = bldc_record(1.0)[1]
+    assert any('--motor pmsm' in note for note in remarks(motor('bldc'), [record], None))
+    assert not any('--motor pmsm' in note for note in remarks(motor('bldc'), [record], 'bldc'))
 
 
 @pytest.mark.parametrize(

@@ -28,6 +28,7 @@ from motor_sysid.diagnosis.search.motor_kind import (
     remarks,
     told_kind,
 )
+from motor_sysid.diagnosis.search.rotor_axes import axes_told, words_of_axes
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest, stands_still
 from motor_sysid.diagnosis.settings import Settings
@@ -98,14 +99,16 @@ def diagnose(
     asked = model.motor if model else motor
     known = model.parameters.values() if model else nominal or {}
     wanted = told_kind([*train, *validation], asked, known)
+    told = axes_told([*train, *validation], wanted, known)
+    known, nominal = {**known, **told}, {**(nominal or {}), **told}
     records, held = prepared_parts(train, validation, wanted, known)
     refuse_short(records, held)
     kind = choose_kind([*records, *held], wanted)
     refuse_mixed(kind, [*records, *held], model)
     refuse_model_at_rest(model, records)
-    notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
+    notes = seen_by_fits([*train, *validation]) + words_of_axes(told)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
-    notes += bench.notes
+    notes += remarks(kind, [*records, *held], asked) + bench.notes
     tell(f'fitting a linear {kind.title}')
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model

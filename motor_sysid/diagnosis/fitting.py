@@ -23,6 +23,7 @@ from motor_sysid.diagnosis.search.motor_kind import (
     told_kind,
 )
 from motor_sysid.diagnosis.search.refit import try_effect
+from motor_sysid.diagnosis.search.rotor_axes import axes_told, words_of_axes
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest
 from motor_sysid.diagnosis.search.starts import best_per_effect
@@ -169,12 +170,15 @@ def bench_of(
     asked = model.motor if model else motor
     known = model.parameters.values() if model else nominal
     wanted = told_kind([*train, *validation], asked, known)
+    told = axes_told([*train, *validation], wanted, known)
+    known, nominal = {**known, **told}, {**nominal, **told}
     records, held = prepared_parts(train, validation, wanted, known)
     kind = choose_kind([*records, *held], wanted)
     refuse_mixed(kind, [*records, *held], model)
     refuse_model_at_rest(model, records)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
-    notes = seen_by_fits([*train, *validation]) + remarks(kind, [*records, *held], asked)
+    notes = seen_by_fits([*train, *validation]) + words_of_axes(told)
+    notes += remarks(kind, [*records, *held], asked)
     bench = replace(bench, notes=notes + bench.notes)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
 from motor_sysid.diagnosis.search.held_back import parted
 from motor_sysid.diagnosis.search.motor_kind import remarks_on_values
+from motor_sysid.diagnosis.search.rotor_axes import OFFSET, with_axes
 from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
@@ -156,12 +157,12 @@ def prepared(
 ) -> list[Record]:
     """Return uniform records without stray samples and noise of a voltage that does not act.
 
-    And with what the motor needs and others tell: a third phase current, a position from Hall
-    sectors, or speed and acceleration from the position.
+    And with what the motor needs and others tell: a third phase current, d and q, a position from
+    Hall sectors, or speed and acceleration from the position.
     """
     mended = [with_third_current(without_strays(record).uniform()) for record in records]
     even = with_quiet_inputs(mended)
-    even = with_moving_positions(even)
+    even = with_axes(with_moving_positions(even), wanted, known)
     if wanted and motor(wanted).needs_position:
         even = [with_hall_position(record, known) for record in even]
     if wanted and any('acceleration' in names for names in motor(wanted).inputs):
@@ -228,7 +229,8 @@ def base_fit(
     linear = all(unit_of(r) == 'm' for r in records)
     resting = bool(kind.currents) and stands_still(records)
     widths = _widths(kind, records)
-    begun = _inside(kind, kind.start(records, nominal))
+    turned = {name: nominal[name] for name in (OFFSET,) if name in nominal}
+    begun = _inside(kind, {**turned, **kind.start(records, nominal)})
     known = _inside(kind, {**begun, **nominal})
     starts = [begun] if known == begun else [begun, known]
 

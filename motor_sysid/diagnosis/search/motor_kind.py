@@ -86,8 +86,16 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
         else f'no motor kind fits these signals ({have}): needed are an input (voltage, torque, '
         'force or current) and an output (speed or position); name them in a msg_config file'
     )
+    if wanted and motor(wanted).frame == 'dq' and all('voltage_a' in r for r in records):
+        told += f'; {_PHASES}'
     duty = all('duty' in r for r in records)
     raise UserError(f'{told}{f", or add {SUPPLY}" if duty else ""}')
+
+
+_PHASES = (
+    'or d and q are made from phases, which takes `position`, all voltages and two currents '
+    '(`motor-sysid check` says what they show; in Python `with_dq(record, pole_pairs, offset)`)'
+)
 
 
 def refuse_mixed(kind: Motor, records: Sequence[Record], model: Model | None = None) -> None:
@@ -180,12 +188,19 @@ def _sources(records: Sequence[Record]) -> str:
 def remarks(kind: Motor, records: Sequence[Record], wanted: str | None) -> tuple[str, ...]:
     """Say what a fit to records makes no use of, and what comes of a rotor that stands still."""
     still = bool(kind.currents) and stands_still(records)
-    said = (words_of_standstill(kind),) if still else ()
+    said: tuple[str, ...] = (words_of_standstill(kind),) if still else ()
     blurring = None if wanted else _blurring(records)
     if blurring and blurring.blurred == kind.key:
         said = (_ALONE.format(blurring.key),)
+    if kind.frame == 'abc' and not wanted:
+        said += (_TRAPEZOID,)
     return (*passed_over(records, lambda some: used_signals(some, wanted)), *said)
 
+
+_TRAPEZOID = (
+    'three phases alone do not tell a sinusoidal back-EMF from a trapezoidal one, which is fitted '
+    'here. To do: name the kind, `--motor bldc`, or `--motor pmsm` for a sinusoidal one'
+)
 
 _ALONE = (
     'the field turns on by more than a turn from sample to sample: the mechanical side is fitted '
