@@ -93,7 +93,8 @@ def _columns(record: Record, length: int, decay: float, pairs: int) -> tuple[Arr
     i = record['current_d'] + 1j * record['current_q']
     steps = np.append(np.diff(i), 0.0)
     halfway = speed + 0.5 * np.append(np.diff(speed), 0.0)
-    area = dt * (i + 0.5 * steps) + _bend(0.5 * dt * (decay + 1j * pairs * halfway), dt) * steps
+    rate = np.asarray(decay + 1j * pairs * halfway, dtype=np.complex128)
+    area = dt * (i + 0.5 * steps) + _bend(0.5 * dt * rate, dt) * steps
     turning = halfway * area
 
     def over(values: Array) -> Array:
