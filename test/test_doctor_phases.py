@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from three_phase_records import pmsm_record
 
 from motor_sysid.benchmark.machine import BLDC_SHEETS, Bridge, PMSM_SHEETS
 from motor_sysid.benchmark.three_phase_drive import (
@@ -95,6 +96,17 @@ def swapped_phases(r: Record) -> Record:
     return r
 
 
+def turned_round(r: Record, phases: str) -> Record:
+    for phase in phases:
+        r = r.with_signal(f'current_{phase}', -r[f'current_{phase}'], 'A')
+    return r
+
+
+def exchanged(r: Record, phases: str) -> Record:
+    one, other = (f'current_{phase}' for phase in phases)
+    return r.with_signal(one, r[other], 'A').with_signal(other, r[one], 'A')
+
+
 def turned_frame(angle: float) -> Spoil:
     return lambda r: with_dq(r, 4, angle)
 
@@ -115,6 +127,20 @@ SPOILT: dict[str, tuple[str, str, str, Spoil]] = {
     'offset of a current sensor': (
         'current_sum', 'warning', 'offset:', changed('current_a', lambda x: x + 0.3)
     ),
+    'current sensors the wrong way round': (
+        'current_sign', 'error', 'sign: -1` for current_a, current_b and current_c', lambda r:
+        turned_round(r, 'abc')
+    ),
+    'one of two current sensors the wrong way round': (
+        'current_sign', 'error', 'sign: -1` for current_b in', lambda r: turned_round(
+            r.select([n for n in r if n[-2:] not in ('_d', '_q') and n != 'current_c']), 'b')
+    ),
+    'current sensors of b and c exchanged': (
+        'current_order', 'error', 'of current b and c', lambda r: exchanged(r, 'bc')
+    ),
+    'current sensors of a and c exchanged': (
+        'current_order', 'error', 'of current a and c', lambda r: exchanged(r, 'ac')
+    ),
     'angle from the q axis': (
         'electrical_offset', 'error', 'd lies on', turned_frame(np.pi / 2)
     ),
@@ -134,6 +160,20 @@ def test_mistakes_are_named_with_their_remedy(name: str) -> None:
     assert findings[code].severity == severity
     assert remedy in findings[code].remedy
     assert findings[code].consequence
+
+
+def test_a_d_current_that_alone_is_turned_round_is_told() -> None:
+    _, record = pmsm_record(4.0, 1e-3)
+    assert 'current_d_sign' not in found(record)
+    finding = found(record.with_signal('current_d', -record['current_d'], 'A'))['current_d_sign']
+    assert finding.severity == 'error'
+    assert 'sign: -1' in finding.remedy
+
+
+def test_currents_of_two_sound_sensors_pass() -> None:
+    for missing in 'abc':
+        left = [n for n in PMSM if n[-2:] not in ('_d', '_q') and n != f'current_{missing}']
+        assert found(PMSM.select(left)) == {}
 
 
 def test_the_classic_mix_up_is_called_by_its_name_and_its_angle_is_right() -> None:

@@ -312,8 +312,22 @@ def make_bench(
         sensors=_sensors(train, outputs),
         begun=begun,
         blunt=_widths(kind, train),
-        notes=remarks_on_values(kind, everything, {**defaults, **values}) + said,
+        notes=remarks_on_values(kind, everything, {**defaults, **values})
+        + _read_from_record(kind, begun, known)
+        + said,
     )  # fmt: skip
+
+
+def _read_from_record(
+    kind: Motor, begun: Mapping[str, float], known: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Say so where the pole pairs were not given but read from the records."""
+    if not kind.wave or kind.terminals or kind.wave not in begun or known.get(kind.wave):
+        return ()
+    return (
+        f'pole pairs {begun[kind.wave]:.0f} were read from the record; if the motor has others, '
+        f'give them (`{kind.wave}` in the data sheet)',
+    )
 
 
 def look_ahead(

@@ -33,6 +33,7 @@ from motor_sysid.physics.motors.base import (
     Values,
     windows,
 )
+from motor_sysid.physics.motors.pole_pairs import pole_pairs_of
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.signals.record import Record
@@ -45,9 +46,6 @@ ASKEW = math.radians(3.0)
 
 LONGEST_HOLD = 250e-6
 """Longest time, s, for which a drive holds the voltages of its terminals: one period at 4 kHz."""
-
-_SHORT = 8
-_ROUND = 0.3
 
 
 def matrices(values: Values) -> Matrices:
@@ -149,33 +147,21 @@ def _terms(record: Record, length: int) -> tuple[list[Array], Array]:
 
 
 def _pole_pairs(records: Sequence[Record]) -> float:
-    """Return the pole pairs: what i_q induces in d at speed over what its change asks for in q.
-
-    What a magnet beside the recorded d axis brings into either axis has columns of its own.
+    """Return the pole pairs that the records single out.
 
     Raises
     ------
     UserError
         If the records do not tell them.
     """
-
-    def balances(record: Record, length: int) -> tuple[Array, Array]:
-        columns, drive = _terms(record, min(length, _SHORT))
-        r_d, l_d, speed_q, r_q, l_q, speed_d, emf = columns
-        zero = np.zeros_like(emf)
-        d = [r_d, l_d, -speed_q, zero, zero, zero, -emf, l_q, -speed_d]
-        q = [r_q, zero, zero, l_q, speed_d, emf, zero, l_d, speed_q]
-        return np.concatenate([np.column_stack(d), np.column_stack(q)]), drive
-
-    _, _, crossed, l_q, *_ = integral_regression(records, balances)
-    pairs = crossed / l_q if l_q > 0 else 0.0
-    if not (0.7 < pairs < 64 and abs(pairs - round(pairs)) < _ROUND):
+    pairs = pole_pairs_of(records)
+    if not pairs:
         raise UserError(
             'these records do not tell the pole pairs of the motor; give them: `pole_pairs` in '
             'the data sheet (--nominal) or in the model; or fit the mechanical side alone, driven '
             'by the q current (--motor mechanical_axis)'
         )
-    return float(round(pairs))
+    return float(pairs)
 
 
 def drive_torque(values: Mapping[str, float], record: Record) -> Array:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.signals.checks import phase_currents
 from motor_sysid.signals.checks.common import Array, smoothed, speed_of
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.noise import noise_sigma
@@ -126,6 +127,8 @@ def _rotation(record: Record) -> Iterator[Finding]:
         yield _coarse(turn)
     if pairs > 0:
         yield from _angle_of_phases(record, speed, pairs)
+        if turn <= FAST_TURN:
+            yield from phase_currents.of_phases(record, speed, pairs)
         return
     yield Finding(
         Severity.ERROR, 'phase_order',
@@ -249,6 +252,7 @@ def _angle_of_dq(record: Record) -> Iterator[Finding]:
     speed = speed_of(record)
     if speed is None:
         return
+    yield from phase_currents.of_dq(record, speed)
     u, i = (
         np.column_stack([record[f'{kind}_{axis}'] for axis in 'dq'])
         for kind in ('voltage', 'current')
