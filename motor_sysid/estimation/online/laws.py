@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _ABSURD = 1e12
+_SHOWN = 1.0
+"""Time constant with which a sensor shows the state of its filter, even one of no time."""
 _TARGET, _WIDTH = 3, 4
 
 
@@ -176,7 +178,8 @@ class LawColumns:
             if p.name in free:
                 row[free.index(p.name)] = 1.0
             else:
-                row[width - 1 if p.name in linear else slice(None)] = model[f'{one.key}.{p.name}']
+                value = _SHOWN if p.name == one.card.filter else model[f'{one.key}.{p.name}']
+                row[width - 1 if p.name in linear else slice(None)] = value
         for k in range(blocks):
             own = len(self._rows) * LANES
             self._rows += list(table[:, k * LANES : (k + 1) * LANES])

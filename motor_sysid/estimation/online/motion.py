@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from motor_sysid.estimation.online.coordinates import Coordinates
 from motor_sysid.machine_code import kept
 from motor_sysid.physics.drive import Drive
+from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.lanes import LANES
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import paced
@@ -54,7 +55,8 @@ class Motion:
 
     A block of 32 simulations holds the base and 15 differences; more take further blocks.  The
     matrices of the block are kept as long as the parameters stay within ten of their steps: what
-    they moved since is accounted for to first order, which leaves an error of their square.
+    they moved since is accounted for to first order, which leaves an error of their square.  What
+    rates of own states read (the time constant of a filter) is never taken beyond its lower bound.
 
     Parameters
     ----------
@@ -82,6 +84,9 @@ class Motion:
         cards = [one.card for one in self._program.effects]
         begins = [card.begins.get(own) for card in cards for own in card.states]
         self._begins = [model.kind.states.index(name) if name else -1 for name in begins]
+        rates = [(one.key, law) for one in self._program.effects for law in one.rates.values()]
+        read = {f'{key}.{name}' for key, law in rates for name in arguments(law)}
+        self._floor = np.where([name in read for name in moved.names], moved.lower, -np.inf)
         self.states = self._n = self._core + self._own_rows.size
         self._blocks: list[_Block] = []
         self._center, self._length, self._substeps = np.zeros(self._p), 0.0, 1
@@ -156,7 +161,7 @@ class Motion:
         self._substeps = paced(self._substeps, wanted)
         for first in range(0, len(x), LANES):
             part = slice(first, min(first + LANES, len(x)))
-            block = self._block_of(z[part].T, h)
+            block = self._block_of(np.maximum(z[part], self._floor).T, h)
             block.lanes[:] = x[part][0][:, np.newaxis]
             block.lanes[:, : len(x[part])] = x[part].T
             self._simulate(block, drive)
@@ -178,7 +183,8 @@ class Motion:
             for k in range(max(first, n), last):
                 at = 1 + 2 * (k - first)
                 cloud[k - n, at] += steps[k - n]
-                cloud[k - n, at + 1] -= steps[k - n]
+                cloud[k - n, at + 1] = max(z[k - n] - steps[k - n], self._floor[k - n])
+                self._used[k] = 0.5 * (cloud[k - n, at] - cloud[k - n, at + 1])
             self._blocks.append(self._block_of(cloud, h, first, last))
 
     def _block_of(self, cloud: Array, h: float, first: int = 0, last: int = 0) -> '_Block':

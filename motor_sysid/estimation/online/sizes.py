@@ -66,12 +66,16 @@ def prior_sigma(model: Model, names: Sequence[str], sizes: Sizes, dt: float) -> 
     """Return the standard deviation of each coordinate before any data.
 
     A known sigma is taken (2 % at least); without one, what must be positive is good to a factor
-    of two, friction to its own value, an amplitude to half of its scale, an offset to a tenth of
-    its signal; none is less known than anything within its bounds.
+    of two, friction to its own value, an amplitude to half of its scale (a lag and the like to its
+    own value, where that is more), an offset to a tenth of its signal; none is less known than
+    anything within its bounds.
     """
     typical = _scales(model, sizes, dt)
     spread = {
-        f'{key}.{card.name}': _PRIOR_AMPLITUDE * typical.size(card.scale)
+        f'{key}.{card.name}': max(
+            _PRIOR_AMPLITUDE * typical.size(card.scale),
+            abs(model[f'{key}.{card.name}']) if card.trials else 0.0,
+        )
         for key in model.effects
         for card in effect(key).card.parameters
         if isinstance(card, Amplitude)
