@@ -20,9 +20,12 @@ import pytest
 
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.online import ESTIMATORS, OnlineIdentifier, Tuning
+from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.model import Model, SpeedSensor
 
 OBSERVER = 'sliding_mode'
+EFFECTS = dict(catalogue())
+"""Those that come with the package, in their order, whatever other tests add."""
 
 
 def is_sound(online):
@@ -199,10 +202,8 @@ def test_information_is_lost_slowly_without_excitation(key):
 @pytest.mark.parametrize('kind', KINDS)
 @pytest.mark.parametrize('key', ESTIMATORS)
 def test_every_kind_and_effect_runs(key, kind):
-    from motor_sysid.physics.effects import catalogue
-
     model = start_model(key, Model.base(kind, speed_sensor=SpeedSensor.DIFFERENCE))
-    for name, effect in catalogue().items():
+    for name, effect in EFFECTS.items():
         try:
             values = {'n': 6.0} if name == 'cogging_torque' else None
             more = model.with_effect(name, values)

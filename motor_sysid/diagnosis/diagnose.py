@@ -126,7 +126,6 @@ def diagnose(
     found = search.on(bench, records, held)
     found = with_own_values(found, bench, records, held, search.anew, tell)
     if shows_only_there(found):
-        tell('the held-out data show it more: fitting half of them, too')
         found = better_with_half_lent(found, search.anew(records, held, lent=True))
     found = without_odd_record(found, bench, records, held, search.anew, tell)
     found = replace(found, warnings=(*notes, *found.warnings))
@@ -159,6 +158,8 @@ class _Search:
         self, train: Sequence[Record], held: Sequence[Record], *, lent: bool = False
     ) -> Diagnosis:
         """Search other records of the motor, or half of the held-out ones as well."""
+        if lent:
+            self.tell('the held-out data show it more: fitting half of them, too')
         known = self.bench
         other = make_bench(
             train, held, known.kind, self.model, self.settings.validation_fraction, self.nominal,

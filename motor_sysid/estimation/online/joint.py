@@ -61,6 +61,8 @@ _REACH = 5.0
 _STRIDE = 0.3
 _LEAST = 0.03
 _RISE, _FALL, _MOST = 1.02, 0.999, 1e3
+_ROUNDING = 1.0 + 1e-8
+"""Growth of each variance in a sample, so that rounding leaves no direction below nothing."""
 _UNSEEN = 1e-9
 """Size (SI) of an own state of an effect that has not been anything but zero."""
 
@@ -332,4 +334,8 @@ def _spread(  # type: ignore[no-untyped-def]
         for m in range(curve.shape[1]):
             kick[j, forces + m] = curve[j, m]
     after = propagate(p, slope, kick, wander, prior, h)
+    n = state.size
+    for j in range(after.shape[0]):
+        if j < n or after[j, j] < prior[j - n] ** 2:
+            after[j, j] *= _ROUNDING
     return after, np.isfinite(after.sum() + x.sum())
