@@ -18,19 +18,12 @@ from motor_sysid.diagnosis.search.bench import (
     base_fit,
     Bench,
     make_bench,
-    prepared_parts,
     refuse_short,
     with_scales,
 )
-from motor_sysid.diagnosis.search.motor_kind import (
-    choose_kind,
-    refuse_mixed,
-    remarks,
-    told_kind,
-)
-from motor_sysid.diagnosis.search.rotor_axes import axes_told, words_of_axes
+from motor_sysid.diagnosis.search.ready import ready
 from motor_sysid.diagnosis.search.rung import climb
-from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest, stands_still
+from motor_sysid.diagnosis.search.standstill import stands_still
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.effort import counted_by
@@ -40,7 +33,7 @@ from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.checks import timing
-from motor_sysid.signals.doctor import examine, seen_by_fits
+from motor_sysid.signals.doctor import examine
 from motor_sysid.signals.finding import Finding, Severity
 from motor_sysid.signals.record import Record
 
@@ -96,22 +89,13 @@ def diagnose(
     settings = settings or Settings()
     candidates = [effect(key) for key in effects] if effects else list(catalogue().values())
     tell = progress or (lambda text: None)
-    asked = model.motor if model else motor
-    known = model.parameters.values() if model else nominal or {}
-    wanted = told_kind([*train, *validation], asked, known)
-    told = axes_told([*train, *validation], wanted, known)
-    known, nominal = {**known, **told}, {**(nominal or {}), **told}
-    records, held = prepared_parts(train, validation, wanted, known)
+    records, held, kind, nominal, notes = ready(train, validation, model, motor, nominal or {})
     refuse_short(records, held)
-    kind = choose_kind([*records, *held], wanted)
-    refuse_mixed(kind, [*records, *held], model)
-    refuse_model_at_rest(model, records)
-    notes = seen_by_fits([*train, *validation]) + words_of_axes(told)
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
-    notes += remarks(kind, [*records, *held], asked) + bench.notes
+    notes += bench.notes
     tell(f'fitting a linear {kind.title}')
     if model is None:
-        model = base_fit(records, kind, bench.train, bench.outputs, nominal or {}).model
+        model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
     notes += _passed_over(effects or (), model)
     if kind.currents and stands_still([*records, *held]):
         found = diagnosis_at_rest(climb(model, bench), bench)
@@ -122,7 +106,7 @@ def diagnose(
     keys = [one.key for one in candidates]
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
-    search = _Search(model, bench, candidates, settings, tell, nominal or {})
+    search = _Search(model, bench, candidates, settings, tell, nominal)
     found = search.on(bench, records, held)
     found = with_own_values(found, bench, records, held, search.anew, tell)
     if shows_only_there(found):

@@ -12,20 +12,12 @@ from motor_sysid.diagnosis.search.bench import (
     Bench,
     make_bench,
     prepared,
-    prepared_parts,
     with_scales,
 )
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
-from motor_sysid.diagnosis.search.motor_kind import (
-    choose_kind,
-    refuse_mixed,
-    remarks,
-    told_kind,
-)
+from motor_sysid.diagnosis.search.ready import ready
 from motor_sysid.diagnosis.search.refit import try_effect
-from motor_sysid.diagnosis.search.rotor_axes import axes_told, words_of_axes
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
-from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest
 from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import Level, Trial
 from motor_sysid.diagnosis.where.compare import compare, Comparison, where_it_fails
@@ -44,7 +36,6 @@ from motor_sysid.estimation.batch.sisters import SPREAD
 from motor_sysid.physics.effect import Card
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
-from motor_sysid.signals.doctor import seen_by_fits
 from motor_sysid.signals.record import Record
 
 
@@ -167,18 +158,8 @@ def bench_of(
     lent: bool = False,
 ) -> tuple[Bench, Model]:
     """Return the data, prepared, and the model: the given one, or a fitted linear one."""
-    asked = model.motor if model else motor
-    known = model.parameters.values() if model else nominal
-    wanted = told_kind([*train, *validation], asked, known)
-    told = axes_told([*train, *validation], wanted, known)
-    known, nominal = {**known, **told}, {**nominal, **told}
-    records, held = prepared_parts(train, validation, wanted, known)
-    kind = choose_kind([*records, *held], wanted)
-    refuse_mixed(kind, [*records, *held], model)
-    refuse_model_at_rest(model, records)
+    records, held, kind, nominal, notes = ready(train, validation, model, motor, nominal)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
-    notes = seen_by_fits([*train, *validation]) + words_of_axes(told)
-    notes += remarks(kind, [*records, *held], asked)
     bench = replace(bench, notes=notes + bench.notes)
     if model is None:
         model = base_fit(records, kind, bench.train, bench.outputs, nominal).model

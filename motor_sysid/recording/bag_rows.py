@@ -143,6 +143,7 @@ class _Reader:
         self.types = types
         self.findings: list[Finding] = []
         self._columns: dict[tuple[str, str], Column] = {}
+        self._followed: set[str] = set()
 
     def applies(self, source: Source, topic: Topic) -> bool:
         """Tell whether a source is in this bag."""
@@ -233,6 +234,7 @@ class _Reader:
         other = other[np.isfinite(read.values[other])]
         if other.size == 0 or (first := self._joints(topic, int(other[0]))[:1]) == names[:1]:
             return read
+        self._followed.add(topic.name)
         self.findings.append(
             Finding(
                 Severity.WARNING, 'several_joints',
@@ -295,7 +297,7 @@ class _Reader:
         if not any(source.field.endswith('[0]') for source in sources):
             return
         names = self._joints(topic)
-        if len(names) > 1:
+        if len(names) > 1 and topic.name not in self._followed:
             self.findings.append(
                 Finding(
                     Severity.WARNING, 'several_joints',

@@ -26,6 +26,8 @@ Array = NDArray[np.float64]
 VOLTAGE, DUTY = 'voltage', ('duty', 'supply_voltage')
 
 WRITTEN = {'.yaml', '.yml', '.json'}
+"""Suffixes of models and results, which are no recordings."""
+
 KINDS = 'a bag folder, .mcap, .db3, CSV, CSV.GZ, .mat or .npz'
 """What a recording may be, in words."""
 

@@ -5,6 +5,7 @@ import math
 from types import MappingProxyType
 
 from motor_sysid.diagnosis.result.names import listed
+from motor_sysid.diagnosis.search.rotor_axes import BY_HAND
 from motor_sysid.diagnosis.search.standstill import stands_still, words_of_standstill
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import observed_outputs
@@ -87,24 +88,18 @@ def choose_kind(records: Sequence[Record], wanted: str | None) -> Motor:
         'force or current) and an output (speed or position); name them in a msg_config file'
     )
     if wanted and motor(wanted).frame == 'dq' and all('voltage_a' in r for r in records):
-        told += f'; {_PHASES}'
+        told += f', or `position`, all voltages and two currents of the phases. {BY_HAND}'
     duty = all('duty' in r for r in records)
     raise UserError(f'{told}{f", or add {SUPPLY}" if duty else ""}')
 
 
-_PHASES = (
-    'or d and q are made from phases, which takes `position`, all voltages and two currents '
-    '(`motor-sysid check` says what they show; in Python `with_dq(record, pole_pairs, offset)`)'
-)
-
-
-def refuse_mixed(kind: Motor, records: Sequence[Record], model: Model | None = None) -> None:
-    """Refuse records that are not driven and measured alike, or not as a given model needs it.
+def refuse_mixed(kind: Motor, records: Sequence[Record]) -> None:
+    """Refuse records that are not driven and measured alike.
 
     Raises
     ------
     UserError
-        If they are; it names two of them that differ, or what the model needs.
+        If two differ in the signals that drive them, or one turns and the other is linear.
     """
     alike: dict[tuple[str, ...], str] = {}
     for record in records:
@@ -121,6 +116,16 @@ def refuse_mixed(kind: Motor, records: Sequence[Record], model: Model | None = N
             f'{one[1]} has {listed(one[0])}, {other[1]} {listed(other[0])}: these are no records '
             'of one motor; give them one by one'
         )
+
+
+def refuse_other_kind(kind: Motor, model: Model | None) -> None:
+    """Refuse a given model of another kind than the one that the records allow.
+
+    Raises
+    ------
+    UserError
+        If there is such a model; it says what that needs.
+    """
     if model is not None and model.motor != kind.key:
         raise UserError(
             f'the model is a {model.kind.title}, and needs {_needs(model.kind, model.motor)}. '

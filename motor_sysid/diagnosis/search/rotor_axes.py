@@ -11,7 +11,7 @@ from motor_sysid.signals.record import Record
 
 PAIRS, OFFSET = 'pole_pairs', 'angle_offset'
 
-_SELF = (
+BY_HAND = (
     '`motor-sysid check` says what the phases show; in Python '
     '`motor_sysid.signals.phases.with_dq(record, pole_pairs, offset)` makes d and q'
 )
@@ -83,5 +83,5 @@ def _in_phases(record: Record, wanted: str | None) -> bool:
 
 def _unclear(why: str) -> UserError:
     return UserError(
-        f'the motor is fitted in d and q, and these phases do not make them: {why}. {_SELF}'
+        f'the motor is fitted in d and q, and these phases do not make them: {why}. {BY_HAND}'
     )

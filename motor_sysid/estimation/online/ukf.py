@@ -42,6 +42,7 @@ class Unscented:
         )
         solve_upper(_root_upper(np.eye(self._size)), np.ones((self._size, motor)))
 
+    @np.errstate(over='ignore', invalid='ignore')  # a point that runs away spoils the sum: unsound
     def __call__(
         self, motion: Motion, x: Array, cov: Array, steps: Array, u: Array, time: float, h: float
     ) -> Move:
