@@ -197,6 +197,8 @@ def test_same_seed_same_file(tmp_path):
         (['--open-loop', '3', '--top-speed', '9'], '--top-speed does nothing beside --open-loop'),
         (['--msg-config', 'odrive'], '--msg-config says how to read the DATA of --input'),
         (['--motor', 'mechanical_axis'], 'give --open-loop'),
+        (['--motor', 'inverse_axis'], 'without a controller; give --input DATA'),
+        (['--motor', 'inverse_axis', '--open-loop', '1'], 'at once, not by one level'),
         (['missing.yaml'], 'cannot read'),
         (['--input', 'missing.csv'], 'missing.csv'),
     ],

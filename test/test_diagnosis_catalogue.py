@@ -97,7 +97,7 @@ def diagnosed(key: str, rivals: tuple[str, ...], pair: list[Record]) -> Diagnosi
     return found
 
 
-SLOW = {'backlash'}
+SLOW = {'backlash', 'lugre_friction', 'torque_ripple', 'periodic_load', 'inductance_saturation'}
 KEYS = [pytest.param(k, marks=pytest.mark.slow) if k in SLOW else k for k in sorted(HIDDEN)]
 
 

@@ -77,6 +77,7 @@ def test_a_search_without_time_names_what_is_plain_and_says_that_it_was_cut(effo
     assert (CUT in found.warnings) is (effort < 1.0)
 
 
+@pytest.mark.slow
 def test_the_same_effort_gives_the_same_answer():
     train = records({**FRICTION, 'input_delay': {'delay': 2.5e-3}}, seconds=2.0)
     one, other = (

@@ -113,6 +113,7 @@ def clipped():
     return small_and_large(CLIPPED, share=0.5)
 
 
+@pytest.mark.slow
 def test_what_the_training_data_ask_for_is_named_though_held_out_data_drown_it(clipped):
     train, held = clipped
     others = ['quadratic_drag', 'cogging_torque', 'input_delay', 'iron_loss']
@@ -123,6 +124,7 @@ def test_what_the_training_data_ask_for_is_named_though_held_out_data_drown_it(c
     assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent
 
 
+@pytest.mark.slow
 def test_beside_a_stranger_that_drowns_it_nothing_else_is_named(clipped):
     train, held = clipped
     others = ['quadratic_drag', 'cogging_torque', 'input_delay', 'iron_loss']
@@ -131,6 +133,7 @@ def test_beside_a_stranger_that_drowns_it_nothing_else_is_named(clipped):
     assert found.verdict is Verdict.UNKNOWN_EFFECT or found.unknown
 
 
+@pytest.mark.slow
 def test_a_stranger_is_not_named_for_it(saturated):
     """The gates are the same as ever: the true effect taken out of the catalogue stays unknown."""
     train, held = saturated

@@ -281,6 +281,7 @@ def test_the_demo_refuses_what_it_cannot_do(
 ) -> None:
     for arguments, message in (
         (['--hide', 'witchcraft'], 'witchcraft'),
+        (['--hide', 'emf_harmonics'], 'which this brushed DC motor model does not have'),
         (['--seconds', '0'], 'outside 5 to 3600'),
         (['--rate', '9999'], 'outside 50 to 1000'),
         (['--seed', '-1'], '--seed -1 is no whole number from 0 to 2147483647'),

@@ -50,6 +50,7 @@ def test_what_the_others_lack_is_named_and_what_the_odd_one_lacks() -> None:
     assert len(found.records) == 4, 'two of training, and what was held back of each'
 
 
+@pytest.mark.slow
 def test_a_stranger_in_all_of_them_is_not_named_for_it() -> None:
     found = diagnose(recorded(COULOMB), motor='brushed_dc', effects=OTHERS)
     assert found.verdict is Verdict.UNKNOWN_EFFECT

@@ -122,8 +122,10 @@ def test_one_record_has_nothing_to_differ_from():
 
 @pytest.mark.parametrize(
     ('effects', 'scales', 'gains'),
-    [(COULOMB, WARMER, (1.0, 1.0, 1.0)), (DEAD_TIME, SAME, WEAKER)],
-    ids=['warm winding', 'weak battery'],
+    [
+        pytest.param(COULOMB, WARMER, (1.0, 1.0, 1.0), id='warm winding'),
+        pytest.param(DEAD_TIME, SAME, WEAKER, id='weak battery', marks=pytest.mark.slow),
+    ],
 )
 def test_an_effect_is_named_beside_what_differs_between_records(effects, scales, gains):
     found = diagnose(recorded(effects, scales, gains), motor='brushed_dc')
@@ -137,6 +139,7 @@ def test_an_effect_is_named_beside_what_differs_between_records(effects, scales,
     assert 'make up for that' in found.reasons[2]
 
 
+@pytest.mark.slow
 def test_nothing_is_named_for_it():
     """Of the model that fits all records something was unknown, and no more was said."""
     found = diagnose(recorded({}, SAME, WEAKER), motor='brushed_dc')
@@ -190,6 +193,7 @@ def test_a_difference_may_grow_once_the_first_record_is_left_out():
     assert '-37 %' in difference_of(joined, records).words
 
 
+@pytest.mark.slow
 def test_a_current_sensor_may_be_set_to_zero_anew_for_each_record():
     found = diagnose(recorded(COULOMB, zeros=(0.0, -0.04, 0.06)), motor='brushed_dc')
     assert (found.verdict, found.effects) == (Verdict.EFFECT_MISSING, ('coulomb_friction',))
@@ -204,6 +208,7 @@ def test_a_current_sensor_may_be_set_to_zero_anew_for_each_record():
     assert off == pytest.approx([0.0, -0.04, 0.06], abs=5e-4)
 
 
+@pytest.mark.slow
 def test_a_friction_may_be_another_in_each_record():
     """Of what is left the largest part is alike: one record, which is searched alone."""
     found = diagnose(recorded({}, own=RUBBED), motor='brushed_dc')
@@ -216,6 +221,7 @@ def test_a_friction_may_be_another_in_each_record():
         assert each.value == pytest.approx(true, rel=0.01)
 
 
+@pytest.mark.slow
 def test_what_the_catalogue_lacks_is_not_named_for_records_that_were_left_out():
     """Of a friction that acts in one record only none of the others tells."""
     records = recorded({})

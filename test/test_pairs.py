@@ -74,6 +74,7 @@ def test_what_cannot_be_is_no_part_of_a_twosome(monkeypatch):
     assert best_twosome(base, scores, bench, lambda text: None) is None
 
 
+@pytest.mark.slow
 def test_a_shaft_whose_fit_ends_in_a_valley_at_first_is_named():
     """The rough fit of it ends at twice the load, and lowers the held-out error the less."""
     scenario, number = named_case('single/flexible_shaft/3/1')

@@ -47,6 +47,7 @@ def test_the_deepest_pit_is_near_the_truth_and_others_tell_how_near(played):
     assert best.held.error_percent < rung.held.error_percent
 
 
+@pytest.mark.slow
 def test_it_is_the_same_whenever_it_is_looked_for(played):
     bench, _, _, rung = played
     one, other = deepest(rung, bench), deepest(rung, bench)

@@ -108,7 +108,12 @@ def test_a_record_keeps_its_samples_through_what_is_done_to_it():
 
 
 @pytest.mark.parametrize(
-    'slow', [('speed', 'position'), ('current',), ('current', 'speed', 'position')]
+    'slow',
+    [
+        ('speed', 'position'),
+        pytest.param(('current',), marks=pytest.mark.slow),
+        pytest.param(('current', 'speed', 'position'), marks=pytest.mark.slow),
+    ],
 )
 def test_slow_signals_are_no_missing_physics(slow):
     """As a bag has them: joint states at 95 Hz, a current at 160, a voltage at 1 kHz."""

@@ -158,6 +158,7 @@ def test_parameters_are_recovered_from_a_start_that_is_read_from_the_records():
         assert found.model[name] == pytest.approx(value, rel=0.01 if name != 'b' else 0.1), name
 
 
+@pytest.mark.slow
 def test_the_supply_is_fitted_where_no_sheet_tells_it():
     one = case('six_step/complete/0')
     told = fit_model(one.train, one.valid, motor=one.motor, nominal=one.nominal).model

@@ -95,7 +95,9 @@ def test_a_position_that_is_held_moves_on_smoothly():
     assert with_moving_positions([alone]) == [alone]
 
 
-@pytest.mark.parametrize('names', [('current',), ('speed', 'position')])
+@pytest.mark.parametrize(
+    'names', [pytest.param(('current',), marks=pytest.mark.slow), ('speed', 'position')]
+)
 def test_what_is_held_is_no_missing_physics(names):
     *train, valid = (held(one, *names) for one in records({'coulomb_friction': {'tau_c': 4e-3}}))
     assert 'as it was then' in ' '.join(seen_by_fits(train))

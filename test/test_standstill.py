@@ -132,6 +132,7 @@ def test_from_the_command_line(tmp_path: Path, capsys: pytest.CaptureFixture[str
         assert json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
 
 
+@pytest.mark.slow
 def test_what_a_motor_lacks_is_told_by_its_motion_however_long_it_rests():
     """Three quarters of each record at rest, where counts have no noise: none is the rule then."""
     rng, model = np.random.default_rng(1), a_motor({'cogging_torque': COGGING})

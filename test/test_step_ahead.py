@@ -154,6 +154,7 @@ def test_losses_that_hide_each_other_are_both_named(losses):
     assert found.steps[-1].validation_error_percent < 1.02 * found.noise_floor_percent
 
 
+@pytest.mark.slow
 def test_no_more_effects_than_the_user_allows(losses):
     found = diagnose(
         losses.train, losses.valid, motor='brushed_dc', effects=OFFERED,

@@ -189,3 +189,6 @@ def test_the_example_of_the_page_runs(tmp_path, monkeypatch, capsys):
     assert 0 <= told['shares']['b']['data_share'] <= 1
     assert main(['fit', 'short.csv', '--prior', 'sister1.yaml', '--motor', 'pmsm']) == 2
     assert main(['fit', 'short.csv', '--spread', '0.2']) == 2
+    twice = ['--prior', 'sister1.yaml', '--prior', './sister1.yaml']
+    assert main(['fit', 'short.csv', *twice]) == 2
+    assert '--prior names one file twice' in capsys.readouterr().err

@@ -43,7 +43,10 @@ def test_an_unknown_case_is_refused_with_names_that_there_are(name):
     ('name', 'seed', 'named'),
     [
         ('voltage_only/complete/4', 51, ()),
-        ('voltage_only/speed_sensor_lag/10/0', 51, ('speed_sensor_lag',)),
+        pytest.param(
+            'voltage_only/speed_sensor_lag/10/0', 51, ('speed_sensor_lag',),
+            marks=pytest.mark.slow,
+        ),
         ('voltage_only/inertia_change/3/0', 51, ('inertia_change',)),
     ],
 )

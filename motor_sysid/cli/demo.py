@@ -17,7 +17,6 @@ from motor_sysid.cli.demo_result import Demo, finish
 from motor_sysid.cli.output import writing
 from motor_sysid.cli.progress import live_progress
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effects import effect
 from motor_sysid.physics.store import save_model
 
 if TYPE_CHECKING:
@@ -81,8 +80,9 @@ def _chosen(args: argparse.Namespace) -> DemoMotor:
 
     motor = MOTORS[args.motor]
     rate, hidden = args.rate or motor.rate, tuple(args.hide or motor.hidden)
+    model = motor.model()
     for key in hidden:
-        effect(key)
+        model = model.with_effect(key)
     known_estimator(args.estimator)
     if not 5 <= args.seconds <= 3600:
         raise UserError(f'--seconds {args.seconds:g} is outside 5 to 3600 s')

@@ -113,6 +113,8 @@ def _transferred(
             '--prior names motor and effects, and is a least-squares fit; leave out --model, '
             '--motor, --nominal, --effect and --method'
         )
+    if len({path.resolve() for path in args.prior}) < len(args.prior):
+        raise UserError('--prior names one file twice; each sister counts once')
     spread, spreads = _spreads(args.spread)
     rung, found = transfer_model(
         train,

@@ -221,9 +221,9 @@ def _record(model: 'Model', args: argparse.Namespace) -> 'Record':
     if model.kind.frame:
         return _driven(model, args, wanted)
     if model.motor != 'brushed_dc':
+        level = '--open-loop LEVEL or ' if len(_inputs(model)) == 1 else ''
         raise UserError(
-            f'a {model.kind.title} is simulated without a controller; give --open-loop LEVEL '
-            'or --input DATA'
+            f'a {model.kind.title} is simulated without a controller; give {level}--input DATA'
         )
     gains = speed_pi(model, max(_SLOWEST_LOOP, 20 * dt), args.supply)
     return run_closed(model, wanted, Pid(gains), dt, sense)
@@ -238,7 +238,12 @@ def _profile(model: 'Model', args: argparse.Namespace) -> 'Profile':
     if Path(args.profile).suffix in _FILES:
         return load_profile(Path(args.profile))[0]
     if args.open_loop is not None:
-        name = _inputs(model)[0]
+        name, *more = _inputs(model)
+        if more:
+            raise UserError(
+                f'a {model.kind.title} is driven by {name}, {", ".join(more)} at once, not by one '
+                'level; give --input DATA'
+            )
         unit = unit_of(name, linear=model.linear)
         return Profile(args.profile, args.open_loop, args.duration, signal=name, unit=unit)
     top = args.top_speed or _default_speed(model, args)
