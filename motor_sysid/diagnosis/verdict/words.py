@@ -92,7 +92,7 @@ def unknown(
         f'{", ".join(sizes)}, and {_structure(left, found)}.'
     ]
     spell = [str(left.spell)] if left.spell else []
-    seen = shapes(found) if left.structured else []
+    seen = shapes(found) if left.structured or found else []
     return [*lines, *spell, *seen, *_partial(ladder)]
 
 
