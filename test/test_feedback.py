@@ -74,12 +74,20 @@ def test_where_one_step_does_not_lead_there_some_more_do(monkeypatch):
 
 
 def test_what_is_known_of_the_certainty_stays():
+    """An inductance that the data do not show is not known where it has grown a hundredfold."""
     bench, rung = fitted(0)
     found = unbiased(rung, bench)
-    sigmas = [[p.sigma for p in one.model.parameters.free] for one in (rung, found)]
     assert found is not rung
-    assert sigmas[0] == sigmas[1]
-    assert found.result.covariance is rung.result.covariance
+    shares = [
+        [p.sigma / (p.value if p.logarithmic else 1.0) for p in one.model.parameters.free]
+        for one in (rung, found)
+    ]
+    assert shares[1] == pytest.approx(shares[0])
+    sigmas = [p.sigma for p in found.model.parameters.free]
+    covariances = found.result.covariance, rung.result.covariance
+    change = np.sqrt(np.diag(covariances[0]) / np.diag(covariances[1]))
+    before = [p.sigma for p in rung.model.parameters.free]
+    assert sigmas == pytest.approx(list(change * before))
     assert found.held.error_percent == pytest.approx(rung.held.error_percent, rel=0.02)
 
 

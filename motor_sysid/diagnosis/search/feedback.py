@@ -104,15 +104,21 @@ def _applies(bench: Bench) -> bool:
 def _told(
     plain: FitResult, problem: Problem, z: Array, near: tuple[Linearization, ...]
 ) -> FitResult:
-    """Return the result at a vector, with what the plain fit says of its certainty."""
+    """Return the result at a vector, with what the plain fit says of its certainty.
+
+    Of a positive parameter that is how far off it may be in proportion.
+    """
     cost = normal_equations(near, plain.weighting)[2]
     solution = Solution(z, cost, plain.success, plain.iterations + 1, plain.simulations + 1, near)
     result = result_at(
         problem, plain.weighting, solution, solution.simulations, solution.iterations
     )
-    sigmas = {p.name: p.sigma for p in plain.model.parameters.free if p.sigma is not None}
+    free = plain.model.parameters.free
+    grown = [result.model[p.name] / p.value if p.logarithmic else 1.0 for p in free]
+    known = zip(free, grown, strict=True)
+    sigmas = {p.name: p.sigma * one for p, one in known if p.sigma is not None}
     model = result.model.with_estimates({}, sigmas)
-    return replace(result, model=model, covariance=plain.covariance)
+    return replace(result, model=model, covariance=plain.covariance * np.outer(grown, grown))
 
 
 def is_closed(bench: Bench) -> bool:
