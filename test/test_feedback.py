@@ -80,7 +80,8 @@ def test_an_inductance_that_fell_to_nothing_begins_anew():
     bench, rung = fitted(0)
     model = rung.model.with_values({'L': rung.model.parameters['L'].lower})
     plain = climb(model.with_free(['L'], free=False), bench)
-    fallen = replace(plain.result, model=plain.model.with_free(['L']))
+    fallen = plain.model.with_free(['L'])
+    fallen = replace(plain.result, model=fallen, covariance=rung.result.covariance)
     found = unbiased(judge(fallen, bench), bench)
     assert np.max(np.abs(errors(found))) < 2.0
     inductance = found.model.parameters['L']
