@@ -294,3 +294,17 @@ def test_a_constant_input_is_insufficient_data(names):
 def test_an_effect_that_makes_no_sense_is_refused():
     with pytest.raises(UserError, match='does not have'):
         Model.base('mechanical_axis').with_effect('brush_voltage_drop')
+
+
+def test_a_load_that_swings_with_a_harmonic_is_named_with_it():
+    """A pump does not turn as a sine; what was left swung at three times its frequency."""
+    size = {'b': 0.0}
+    hidden = {
+        'periodic_load': {'a': 6e-3, 'f': 1.7, **size},
+        'periodic_load_2': {'a': 1.2e-3, 'f': 5.1, **size},
+    }
+    *train, held = records(hidden)
+    found = diagnose(train, [held], effects=list(hidden))
+    assert found.effects == tuple(hidden)
+    assert found.model['periodic_load_2.f'] == pytest.approx(5.1, rel=1e-3)
+    assert found.steps[-1].validation_error_percent < 1.1 * found.noise_floor_percent

@@ -3,6 +3,7 @@
 from dataclasses import replace
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 from bench_motor import a_motor, measure, records, voltage_profile
 import numpy as np
@@ -13,7 +14,7 @@ from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 from motor_sysid.diagnosis.result.document import diagnosis_document
 from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.confusable import rivalries_of
-from motor_sysid.diagnosis.verdict import words
+from motor_sysid.diagnosis.verdict import explain, words
 from motor_sysid.diagnosis.verdict.blind_spots import blind_spots, undetermined
 from motor_sysid.diagnosis.verdict.proof import evidence_of, off_nominal, wrong_parameters
 from motor_sysid.diagnosis.where.remainder import Remainder
@@ -256,6 +257,20 @@ def test_how_much_is_unknown_is_told_as_far_as_it_is_known(left, says):
     lines = words.unknown([step(fitted({}), 90.0), step(with_friction({}), 40.0)], left, ())
     assert lines[0].endswith(says)
     assert any('no axis' in line for line in lines) is left.structured
+
+
+def test_what_a_wrong_neighbour_explains_is_described_all_the_same(monkeypatch):
+    monkeypatch.setattr(explain, 'failure_of', lambda *_: None)
+    monkeypatch.setattr(explain, 'unknown_of', lambda *_: ('torque',))
+    found = SimpleNamespace(words='of speed', axis='speed', share=0.0)
+    nothing = Remainder({}, 1.0, 1.2, 1.2, 0.0)
+    base, beside = step(fitted({}), 90.0), step(with_friction({}), 40.0)
+    assert 'of speed' in words.unknown([base, beside], nothing, (found,))
+    unknown = SimpleNamespace(
+        verdict=Verdict.UNKNOWN_EFFECT, steps=[base], records=[], roles=[], noise_sigma={}
+    )
+    assert explain._unknown(unknown, nothing, partly=True) == ('torque',)
+    assert explain._unknown(unknown, nothing, partly=False) == ()
 
 
 def test_what_remains_about_as_large_as_the_noise_is_no_multiple_of_it():

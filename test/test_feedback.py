@@ -1,5 +1,7 @@
 """Noise of a sensor that a controller feeds back does not bias the last fit."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -11,7 +13,7 @@ from motor_sysid.benchmark.truth import Control, run
 from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.search import feedback
 from motor_sysid.diagnosis.search.feedback import ORDER, SAMPLES, unbiased
-from motor_sysid.diagnosis.search.rung import climb
+from motor_sysid.diagnosis.search.rung import climb, judge
 
 SHEET = next(s for s in DATA_SHEETS if '3863' in s.name and 'gear' not in s.name)
 TRUTH = {'R': SHEET.R, 'k_t': SHEET.k, 'J': 2 * SHEET.J, 'b': 1e-5}
@@ -73,13 +75,35 @@ def test_where_one_step_does_not_lead_there_some_more_do(monkeypatch):
     assert some == pytest.approx(one, abs=0.2)
 
 
+def test_an_inductance_that_fell_to_nothing_begins_anew():
+    """As in records of long samples, from which no slope leads back to it."""
+    bench, rung = fitted(0)
+    model = rung.model.with_values({'L': rung.model.parameters['L'].lower})
+    plain = climb(model.with_free(['L'], free=False), bench)
+    fallen = plain.model.with_free(['L'])
+    fallen = replace(plain.result, model=fallen, covariance=rung.result.covariance)
+    found = unbiased(judge(fallen, bench), bench)
+    assert np.max(np.abs(errors(found))) < 2.0
+    inductance = found.model.parameters['L']
+    assert inductance.value == pytest.approx(SHEET.L, rel=0.02)
+    assert inductance.sigma < 0.02 * SHEET.L
+
+
 def test_what_is_known_of_the_certainty_stays():
+    """An inductance that the data do not show is not known where it has grown a hundredfold."""
     bench, rung = fitted(0)
     found = unbiased(rung, bench)
-    sigmas = [[p.sigma for p in one.model.parameters.free] for one in (rung, found)]
     assert found is not rung
-    assert sigmas[0] == sigmas[1]
-    assert found.result.covariance is rung.result.covariance
+    shares = [
+        [p.sigma / (p.value if p.logarithmic else 1.0) for p in one.model.parameters.free]
+        for one in (rung, found)
+    ]
+    assert shares[1] == pytest.approx(shares[0])
+    sigmas = [p.sigma for p in found.model.parameters.free]
+    covariances = found.result.covariance, rung.result.covariance
+    change = np.sqrt(np.diag(covariances[0]) / np.diag(covariances[1]))
+    before = [p.sigma for p in rung.model.parameters.free]
+    assert sigmas == pytest.approx(list(change * before))
     assert found.held.error_percent == pytest.approx(rung.held.error_percent, rel=0.02)
 
 

@@ -42,6 +42,7 @@ NONE = (-np.inf, np.inf)
         (NOISY, NONE),
         (counted(2048), (-np.inf, 8.0)),
         (counted(1023), (-np.inf, 1023 / 256)),
+        (np.append(counted(1023), [-1092 / 256, 0.0]), NONE),
         (counted(900), NONE),
         (WAVE, NONE),
         (STEPPED, NONE),
@@ -55,7 +56,7 @@ NONE = (-np.inf, np.inf)
     ids=[
         'two ends', 'steps of a converter', 'once for long', 'one inrush', 'two samples of each',
         'one of each', 'inrushes', 'noise of many steps', 'the same within its range',
-        'all steps of a sign', 'the same less one', 'some of them',
+        'all steps of a sign', 'the same less one', 'further on the other side', 'some of them',
         'within its range', 'steps', 'one that shows no negative ones', 'read seldom', 'coarse',
         'two plateaus', 'stuck', 'not finite',
     ],

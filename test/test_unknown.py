@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 import re
 
-from bench_motor import CURRENT_NOISE, records
+from bench_motor import a_motor, CURRENT_NOISE, measure, records, voltage_profile
 import numpy as np
 import pytest
 
@@ -17,9 +17,10 @@ from motor_sysid.diagnosis.fitting import fit_model
 from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import AxisShare, Unknown
 from motor_sysid.diagnosis.where.shapes import shapes_of, standing_orders
-from motor_sysid.diagnosis.where.unknown import _nowhere, unknown_of
+from motor_sysid.diagnosis.where.unknown import _named, _nowhere, unknown_of
 from motor_sysid.diagnosis.where.where import failure_of
 from motor_sysid.physics.effects import add_effect_file, catalogue
+from motor_sysid.signals.record import Record
 
 SIGMAS = {'current': CURRENT_NOISE, 'speed': 2 * np.pi / 4096 / 1e-3 / np.sqrt(6)}
 TAU = 6e-3
@@ -70,10 +71,13 @@ def known(folder: Path, text: str) -> Iterator[str]:
 @cache
 def lacking(key: str) -> tuple[Unknown, ...]:
     """Return what the linear motor lacks on records of a motor with a hidden effect."""
-    *train, held = records({key: HIDDEN[key]} if key else {})
-    rung = fit_model(train, [held])
+    return lacking_in(records({key: HIDDEN[key]} if key else {}))
+
+
+def lacking_in(data: list[Record]) -> tuple[Unknown, ...]:
+    """Return what the linear motor lacks on three records, the last of them held out."""
+    rung = fit_model(data[:-1], data[-1:])
     runs = (*rung.training.predictions, *rung.validation.predictions)
-    data = (*train, held)
     failure = failure_of(rung.model, data, ('train', 'train', 'validate'), runs)
     return unknown_of(rung.model, data, failure, SIGMAS)
 
@@ -121,6 +125,34 @@ def test_its_size_is_that_of_the_hidden_effect(key, amplitude, tolerance):
     assert abs(first.amplitude) == pytest.approx(amplitude, rel=tolerance)
     if key != 'brush_voltage_drop':
         assert with_unit(first.amplitude, first.unit) in first.words
+
+
+def test_what_a_drive_does_to_the_input_is_a_function_of_it():
+    rng, data = np.random.default_rng(1), []
+    for kind in ('steps', 'triangle', 'sines'):
+        volts = voltage_profile(kind, 6.0, rng)
+        seen = measure(a_motor({}), np.where(np.abs(volts) < 1.5, 0.0, volts), rng)
+        data.append(seen.with_signal('voltage', volts, 'V'))
+    first = lacking_in(data)[0]
+    assert (first.equation, first.axis) == ('voltage', 'input')
+    assert first.shape == 'odd, grows up to 1.4 V and is gone beyond'
+
+
+@pytest.mark.parametrize(
+    ('shares', 'axis'),
+    [
+        ({'current': 0.74, 'input': 0.9, 'recent input': 0.9}, 'current'),
+        ({'current': 0.1, 'input': 0.9, 'recent input': 0.9}, 'input'),
+        ({'current': 0.1, 'input': 0.6, 'recent input': 0.9}, 'recent input'),
+        ({'current': 0.6, 'input': 1.0, 'speed and current': 1.0}, 'input'),
+        ({'current': 0.6, 'input': 0.8, 'speed and current': 1.0}, 'speed and current'),
+        ({'current': 0.1, 'input': 0.1}, ''),
+        ({'speed': 0.7, 'input': 0.9}, 'input'),
+    ],
+)
+def test_the_input_is_named_where_no_state_that_follows_it_will_do(shares, axis):
+    tried = [AxisShare('voltage', '', 'V', name, share, 9.0) for name, share in shares.items()]
+    assert _named(tried) == axis
 
 
 def test_friction_is_said_to_act_against_the_motion():

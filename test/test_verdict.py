@@ -25,7 +25,7 @@ from motor_sysid.diagnosis.search.ranking import (
 )
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.search.trial import searching, Trial
-from motor_sysid.diagnosis.verdict.evidence import as_trifles
+from motor_sysid.diagnosis.verdict.evidence import as_trifles, notes_of
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
@@ -309,6 +309,25 @@ def test_the_other_name_is_told():
         assert 'constant load torque is the same law as speed sensor offset' in line
         known = fitted(key).with_free(['current_offset'], free=False)
         assert other_names(known) == []
+
+
+def test_a_dead_time_that_brushes_may_make_is_told_as_both():
+    (line,) = other_names(fitted('inverter_dead_time'))
+    assert line == (
+        'brush voltage drop that is as gradual is the same law as inverter dead time: no record '
+        'tells which of the two it is.'
+    )
+    assert other_names(fitted('inverter_dead_time'), ['brush_voltage_drop']) == []
+    assert other_names(fitted('stribeck_friction')) == []
+    six_step = Model.base('bldc_six_step', MOTOR).with_effect('inverter_dead_time', {'v_d': 0.2})
+    assert other_names(six_step) == []
+
+
+@pytest.mark.parametrize('named', [True, False])
+def test_what_a_fit_says_of_a_model_that_is_not_shown_is_not_told(named):
+    said = [SimpleNamespace(unidentifiable=[f'{k} a'], warnings=[f'{k} b']) for k in (0, 1)]
+    ladder = [(SimpleNamespace(result=result), []) for result in said]
+    assert notes_of(ladder, named=named) == (f'{named:d} a', f'{named:d} b')
 
 
 # --- what is doubted

@@ -53,7 +53,7 @@ from motor_sysid.diagnosis.search.strides import freed
 from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.blind_spots import input_is_constant
-from motor_sysid.diagnosis.verdict.evidence import as_trifles, steps_of
+from motor_sysid.diagnosis.verdict.evidence import as_trifles, notes_of, steps_of
 from motor_sysid.diagnosis.verdict.explain import explained
 from motor_sysid.diagnosis.verdict.left_over import left_over
 from motor_sysid.diagnosis.verdict.verdict import (
@@ -378,7 +378,7 @@ class Engine:
             reasons=(),
             records=self.bench.records,
             roles=self.bench.roles,
-            warnings=(*final.result.unidentifiable, *final.result.warnings, *self.notes)
+            warnings=(*notes_of(ladder, named=named), *self.notes)
             + ((besides(torn, final),) if named and torn else ()),
         )
         found = explained(found, steps, left, rivals, self.nominal, self.compared)

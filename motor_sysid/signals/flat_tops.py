@@ -3,7 +3,8 @@
 A current in steps of its converter changes from sample to sample, by noise alone.  One that stays
 at its largest value for several samples, again and again or for long, is cut off there, and so is
 one that jumps to it, stays for several samples, and leaves it by a jump.  So is a largest value
-that lies as many steps from zero as a converter of some bits has there.
+that lies as many steps from zero as a converter of some bits has there, if none on the other side
+lies further: its range is as wide there.
 """
 
 from collections.abc import Sequence
@@ -58,11 +59,12 @@ def limits_of(values: Array) -> tuple[float, float]:
         there, large = level == end, np.abs(level) > 0.5 * abs(end)
         between, beside = np.all(jumps, axis=0), np.any(jumps, axis=0)
         at_jumps, longest = lengths[there & beside], np.max(lengths[inside & beside], initial=0)
+        at_end = at_jumps.size > 0 and (1 + ALIKE) * abs(end) >= max(map(abs, ends))
         return bool(end) and (
             _is_flat(lengths[there], int(np.max(lengths[inside])), values.size)
             or _is_cut(lengths[there & between], lengths[inside & between])
             or _is_cut_again(at_jumps, lengths[inside & beside & large], int(longest))
-            or (at_jumps.size > 0 and steps is not None and _ends_bits(abs(end) / steps.step))
+            or (at_end and steps is not None and _ends_bits(abs(end) / steps.step))
         )
 
     low, high = ends

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.rung import BRIEF, judge, Rung, slopes, SPOILED
+from motor_sysid.diagnosis.search.rung import BRIEF, judge, lost, Rung, slopes, SPOILED
 from motor_sysid.estimation.batch import (
     coloured,
     FitResult,
@@ -55,15 +55,24 @@ def unbiased(rung: Rung, bench: Bench) -> Rung:
     Where it does not bring half of what it promises, some more are taken: teeth that strike, say,
     are far from linear.  What does the held-out error harm is not taken.  Standard errors stay
     those of the plain fit: what laws have not right counts for more behind such a filter.
+
+    An inductance far below what a sample shows may have fallen to nothing, from where no step
+    leads back, and what it does is little, but known behind the filter: such parameters begin
+    from their first guess as well, and standard errors are those of the place where that ends.
     """
     if not _applies(bench):
         return rung
     problem, near = bench.problem(rung.model), slopes(rung, bench)
     noise = coloured([problem.settled(one, rung.result.weighting) for one in near], ORDER)
-    z, near = _one_step(problem, noise, near) or _some_steps(problem, noise, near)
-    if not near:
+    ways = [_one_step(problem, noise, near) or _some_steps(problem, noise, near)]
+    if fallen := lost(rung.model, bench):
+        ways.append(_some_steps(bench.problem(rung.model.with_values(fallen)), noise))
+    ways = [way for way in ways if way[1]]
+    if not ways:
         return rung
-    found = judge(_told(rung.result, problem, z, near), bench, near)
+    z, near = min(ways, key=lambda way: normal_equations(way[1], noise)[2])
+    told = _told(rung.result, problem, z, near, elsewhere=bool(fallen))
+    found = judge(told, bench, near)
     return found if found.held.error_percent < SPOILED * rung.held.error_percent else rung
 
 
@@ -87,7 +96,7 @@ def _one_step(
 
 
 def _some_steps(
-    problem: Problem, noise: Weighting, near: Sequence[Linearization]
+    problem: Problem, noise: Weighting, near: Sequence[Linearization] = ()
 ) -> tuple[Array, tuple[Linearization, ...]]:
     """Return where a fit under a noise model leads; nothing near if that is nowhere."""
     found = minimize(problem, noise, iterations=STEPS, tolerance=BRIEF, near=near)
@@ -102,17 +111,31 @@ def _applies(bench: Bench) -> bool:
 
 
 def _told(
-    plain: FitResult, problem: Problem, z: Array, near: tuple[Linearization, ...]
+    plain: FitResult,
+    problem: Problem,
+    z: Array,
+    near: tuple[Linearization, ...],
+    *,
+    elsewhere: bool,
 ) -> FitResult:
-    """Return the result at a vector, with what the plain fit says of its certainty."""
+    """Return the result at a vector, with what the plain fit says of its certainty.
+
+    Of a positive parameter that is how far off it may be in proportion.  Where the plain fit was
+    `elsewhere`, it says nothing of it.
+    """
     cost = normal_equations(near, plain.weighting)[2]
     solution = Solution(z, cost, plain.success, plain.iterations + 1, plain.simulations + 1, near)
     result = result_at(
         problem, plain.weighting, solution, solution.simulations, solution.iterations
     )
-    sigmas = {p.name: p.sigma for p in plain.model.parameters.free if p.sigma is not None}
+    if elsewhere:
+        return result
+    free = plain.model.parameters.free
+    grown = [result.model[p.name] / p.value if p.logarithmic else 1.0 for p in free]
+    known = zip(free, grown, strict=True)
+    sigmas = {p.name: p.sigma * one for p, one in known if p.sigma is not None}
     model = result.model.with_estimates({}, sigmas)
-    return replace(result, model=model, covariance=plain.covariance)
+    return replace(result, model=model, covariance=plain.covariance * np.outer(grown, grown))
 
 
 def is_closed(bench: Bench) -> bool:

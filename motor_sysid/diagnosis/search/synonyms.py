@@ -1,5 +1,7 @@
 """Effects that no record tells apart: one law under two names."""
 
+from collections.abc import Collection
+
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
@@ -21,13 +23,29 @@ def is_other_name(one: Effect, model: Model) -> bool:
     return not (model.kind.frame or known or moving)
 
 
-def other_names(model: Model) -> list[str]:
-    """Say what a model's effects may be called as well."""
-    return [
+def other_names(model: Model, rivals: Collection[str] = ()) -> list[str]:
+    """Say what a model's effects may be called as well, beside the `rivals` that are told."""
+    sums = [
         _same([effect(key).card.title for key in one.card.sum_of], one.card.title)
         for one in catalogue().values()
         if _is_there(one, model)
     ]
+    alike = [
+        f'{special.card.title} that is as gradual is the same law as {wide.card.title}: no '
+        'record tells which of the two it is.'
+        for wide in map(effect, model.effects)
+        for special in map(effect, wide.card.generalises)
+        if _is_another_cause(special, wide, model) and special.key not in rivals
+    ]
+    return sums + alike
+
+
+def _is_another_cause(special: Effect, wide: Effect, model: Model) -> bool:
+    """Whether a motor may have what a wider law has a special case of, from elsewhere.
+
+    Brushes lose a voltage, and a bridge does; no brush is quite sharp at zero current either.
+    """
+    return special.card.enters is not wide.card.enters and model.admits(special)
 
 
 def _is_there(one: Effect, model: Model) -> bool:

@@ -54,6 +54,12 @@ def step_of(
     )
 
 
+def notes_of(ladder: Ladder, *, named: bool) -> tuple[str, ...]:
+    """Return what the fit of the model that is shown says: the first one if nothing is named."""
+    result = ladder[-1 if named else 0][0].result
+    return *result.unidentifiable, *result.warnings
+
+
 def as_trifles(step: Step) -> Step:
     """Return the line of a complete model, on which what passes is said to be too little."""
     said = 'what it explains is too little to be named'

@@ -45,7 +45,7 @@ def explained(
     full = replace(
         diagnosis,
         held_alone=left.held_alone,
-        unknown=_unknown(diagnosis, left),
+        unknown=_unknown(diagnosis, left, partly=len(ladder) > 1),
         evidence=evidence_of(ladder, diagnosis.records, left.floor_percent, nominal)
         if named
         else (),
@@ -77,12 +77,14 @@ def _reasons(
     return [*lines, *([said] if said else []), *off_nominal(last, nominal)]
 
 
-def _unknown(diagnosis: Diagnosis, left: Remainder) -> tuple[Unknown, ...]:
+def _unknown(diagnosis: Diagnosis, left: Remainder, *, partly: bool) -> tuple[Unknown, ...]:
     """Return what the last model that is shown lacks, where something does remain.
 
-    What was found and not named may stand for anything, and leave nothing like what is missing.
+    What was found and not named may stand for anything, and leave nothing like what is missing, or
+    nothing at all: what it explains `partly` is missing in the model that is shown.
     """
-    if diagnosis.verdict is Verdict.INSUFFICIENT_DATA or not left.structured:
+    lacks = left.structured or (diagnosis.verdict is Verdict.UNKNOWN_EFFECT and partly)
+    if diagnosis.verdict is Verdict.INSUFFICIENT_DATA or not lacks:
         return ()
     records, roles, last = diagnosis.records, diagnosis.roles, diagnosis.steps[-1]
     failure = failure_of(last.model, records, roles, last.predictions)

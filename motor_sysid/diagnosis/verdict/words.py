@@ -92,7 +92,7 @@ def unknown(
         f'{", ".join(sizes)}, and {_structure(left, found)}.'
     ]
     spell = [str(left.spell)] if left.spell else []
-    seen = shapes(found) if left.structured else []
+    seen = shapes(found) if left.structured or found else []
     return [*lines, *spell, *seen, *_partial(ladder)]
 
 
@@ -211,7 +211,7 @@ def named(
     ]
     lines += [one.words for one in evidence]
     lines += [one.words for one in rivalries]
-    lines += other_names(last.model)
+    lines += other_names(last.model, [one.rival for one in rivalries])
     if left.structured:
         lines.append(
             f'A smaller effect remains: {_still(left)}{_structure(left, found)}, but no effect of '

@@ -18,7 +18,7 @@ Bins = NDArray[np.intp]
 BINS, TURN_BINS, HEAT_BINS = 24, 72, 8
 MAP_COLUMNS, MAP_ROWS = 14, 10
 
-OWN_TIME = 'time in the recording'
+OWN_TIME, INPUT = 'time in the recording', 'input'
 
 FAR = 'position across turns'
 
@@ -91,12 +91,20 @@ def axes_of(
     drawn = next((n for n in ('i', 'i_q') if all(n in s for s in states)), '')
     if drawn:
         axes.append(_signed('current', 'A', tuple(s[drawn] for s in states)))
-    elif all('u' in s for s in states):
-        unit = records[0].units.get('voltage', '1') if 'voltage' in records[0] else '1'
-        axes.append(_signed('input', unit, tuple(s['u'] for s in states)))
     axes.append(_clock(records))
     heat = _heat(model, records, states)
-    return {axis.name: axis for axis in (*axes, *heat)}
+    known = {axis.name: axis for axis in (*axes, *heat)}
+    return known if drawn else {**known, **driven(records, states)}
+
+
+def driven(
+    records: Sequence[Record], states: Sequence[Mapping[str, Array]]
+) -> dict[str, Axis]:
+    """Return the input as an axis, where there is one: what a drive does to it goes with it."""
+    if not all('u' in s for s in states):
+        return {}
+    unit = records[0].units.get('voltage', '1') if 'voltage' in records[0] else '1'
+    return {INPUT: _signed(INPUT, unit, tuple(s['u'] for s in states))}
 
 
 def _position(model: Model, angles: tuple[Array, ...]) -> Axis:

@@ -19,6 +19,10 @@ PROPORTION = 'grows in proportion'
 WIDTHS = np.geomspace(0.004, 0.5, 12)
 """Widths of steps and bumps that are tried, as a share of the axis."""
 
+ENDS = np.geomspace(0.004, 0.5, 40)
+"""Ends of what stops at once that are tried, as a share of the axis: next to the right one of
+them, 83 % of it are explained."""
+
 MOMENTS = 120
 """Moments of a step in time that are tried."""
 
@@ -76,6 +80,9 @@ def _around_zero(axis: str, unit: str, reach: float) -> Iterator[Shape]:
     yield Shape('even, grows with the square', lambda x: x[:, one] ** 2 / reach**2)
     yield Shape('odd, grows with the cube', lambda x: x[:, one] ** 3 / reach**3, True)
     yield Shape('even, grows with its size', lambda x: np.abs(x)[:, one] / reach)
+    for width in ENDS * reach:
+        yield Shape(f'odd, grows up to {_figure(width)} {unit} and is gone beyond',
+                    _up_to(width), True, ENDS.size)  # fmt: skip
     for width in WIDTHS * reach:
         beyond = _figure(2 * width)
         yield Shape(f'odd, constant beyond {beyond} {unit}', _step(width), True, WIDTHS.size)
@@ -105,6 +112,10 @@ def _peak(width: float) -> Callable[[Array], Array]:
 def _step_and_peak(width: float, reach: float) -> Callable[[Array], Array]:
     step, peak = _step(WIDTHS[0] * reach), _peak(width)
     return lambda x: np.concatenate([step(x), peak(x)], axis=1)
+
+
+def _up_to(width: float) -> Callable[[Array], Array]:
+    return lambda x: np.where(np.abs(x) < width, x / width, 0.0)[:, np.newaxis]
 
 
 def _bump(width: float) -> Callable[[Array], Array]:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.curves import Curve
 from motor_sysid.diagnosis.result.figures import with_unit
 from motor_sysid.diagnosis.result.findings import AxisShare, Unknown
-from motor_sysid.diagnosis.where.axes import Axis, FAR, many_turns, own_time
+from motor_sysid.diagnosis.where.axes import Axis, driven, FAR, INPUT, many_turns, own_time
 from motor_sysid.diagnosis.where.equation_errors import lacking_name
 from motor_sysid.diagnosis.where.free_functions import (
     CONSTANT,
@@ -44,7 +44,8 @@ LEAST_SHARE, LEAST_CERTAINTY = 0.2, 3.0
 """Share and certainty below which no axis is named."""
 
 CATCH_ALL = 0.75
-"""An axis is named rather than the recent input, which mimics many, if it explains this share."""
+"""An axis is named rather than the input, recent or not, which mimics many, if it explains this
+share."""
 
 PLAIN = 0.95
 """A shape with fewer columns is named if it explains this share."""
@@ -94,8 +95,9 @@ def _unknown(
     quantity = lacking_name(model, rows.force)
     unit = next(f.unit for f in model.kind.forces if f.name == rows.force)
     unit = linear_unit(unit) if model.linear else unit
-    turned = many_turns(model, [one.states for one in failure.lacks])
-    axes = {**failure.axes, **turned, **own_time(records)}
+    states = [one.states for one in failure.lacks]
+    further = {**driven(records, states), **many_turns(model, states), **own_time(records)}
+    axes = {**failure.axes, **further}
     shares = tuple(
         AxisShare(rows.force, quantity, unit, name, *_share(rows, columns))
         for name, columns in free_functions(model, failure, axes, rows).items()
@@ -202,14 +204,23 @@ def _share(rows: Rows, columns: Array) -> tuple[float, float]:
 
 
 def _named(axes: Sequence[AxisShare]) -> str:
-    """Return the first (simplest) axis that explains nearly as much as the best; or none."""
-    clear = [a for a in axes if a.share >= LEAST_SHARE and a.certainty >= LEAST_CERTAINTY]
-    proper = [a for a in clear if a.axis != RECENT]
-    most = max((a.share for a in proper), default=0.0)
-    mimic = max((a.share for a in clear if a.axis == RECENT), default=0.0)
-    if mimic and most < CATCH_ALL * mimic:
-        return RECENT
-    return next((a.axis for a in proper if a.share >= SIMPLER * most), '')
+    """Return the first (simplest) axis that explains nearly as much as the best; or none.
+
+    Where the current is measured, what a drive does to the input follows that, and so does a
+    function of speed and current, for these two make up the input.
+    """
+    clear = {
+        a.axis: a.share for a in axes
+        if a.share >= LEAST_SHARE and a.certainty >= LEAST_CERTAINTY
+    }  # fmt: skip
+    beside = any(a.axis == 'current' for a in axes)
+    recent, driven = clear.pop(RECENT, 0.0), clear.pop(INPUT, 0.0) if beside else 0.0
+    most = max(clear.values(), default=0.0)
+    if most < CATCH_ALL * max(recent, driven):
+        return INPUT if driven >= SIMPLER * recent else RECENT
+    found = next((axis for axis, share in clear.items() if share >= SIMPLER * most), '')
+    both = found == 'speed and current'
+    return INPUT if both and driven >= SIMPLER * clear[found] else found
 
 
 def _somewhere(found: Unknown, direction: str = '') -> str:

@@ -21,6 +21,7 @@ CARD = Card(
     shapes=(Shape('f', 'Hz', 'frequency', Scale.RATE, (), 1e-6, 0.4),),
     axis='time',
     frequency='f',
+    repeats=3,
 )
 
 
