@@ -377,7 +377,7 @@ class Program:
             drive.inputs,
             workspace.late,
             drive.told_by(self.speed_sensor).position if self.reads_angle else np.empty(0),
-            0.5 * drive.count,
+            0.0 if 'position' in self.outputs else 0.5 * drive.count,
             places,
             np.empty((0, 2, len(self.kind.forces), LANES)) if push is None else push,
             workspace.buffer,
