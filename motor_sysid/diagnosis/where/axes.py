@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -92,8 +93,8 @@ def axes_of(
     if drawn:
         axes.append(_signed('current', 'A', tuple(s[drawn] for s in states)))
     elif all('u' in s for s in states):
-        unit = records[0].units.get('voltage', '1') if 'voltage' in records[0] else '1'
-        axes.append(_signed('input', unit, tuple(s['u'] for s in states)))
+        driving = input_signals(records[0], model.kind)[0]
+        axes.append(_signed('input', records[0].units[driving], tuple(s['u'] for s in states)))
     axes.append(_clock(records))
     heat = _heat(model, records, states)
     return {axis.name: axis for axis in (*axes, *heat)}
