@@ -205,7 +205,8 @@ def test_units_are_consistent(key):
     units |= {s: f'{u} s' for s, u in rates.items()}
     for name, law in (*one.laws.items(), *one.rates.items()):
         names = list(inspect.signature(law).parameters)
-        factors = [np.prod(sizes ** dimension(units[n])) for n in names]
+        here = units | ({'u': 'N m'} if name == 'torque_driven' else {})
+        factors = [np.prod(sizes ** dimension(here[n])) for n in names]
         values = rng.uniform(0.1, 2.0, (20, len(names)))
         scale = np.prod(sizes ** dimension(unit_of_law(law)))
         for row in values:
@@ -473,3 +474,10 @@ def test_teeth_push_and_never_pull():
     assert push(1000.0, -0.012, 0.0, **shape) == 0.0
     assert push(-1000.0, -0.012, 0.0, **shape) < -(500.0**2) * 0.002
     assert push(1000.0, 0.009, 0.0, **shape) == 0.0
+
+
+def test_a_shaft_swings_at_an_angular_frequency_on_a_linear_axis_too():
+    model = Model.base('mechanical_axis', linear=True).with_effect('flexible_shaft')
+    assert model.parameters['flexible_shaft.w_a'].unit == 'rad/s'
+    rough = Model.base('mechanical_axis', linear=True).with_effect('stribeck_friction')
+    assert rough.parameters['stribeck_friction.omega_s'].unit == 'm/s'

@@ -200,6 +200,10 @@ def test_a_field_that_turns_far_from_sample_to_sample_is_told(dt: float, told: b
     if told:
         assert 'by 401 degrees from sample to sample' in lines[0]
         assert 'record at 1400 Hz' in lines[0]
+        assert '--motor mechanical_axis' in lines[0]
+        of_pair = remarks_on_field(motor('bldc_six_step'), [record], {'pole_pairs': 7.0})[0]
+        assert 'q current' not in of_pair
+        assert 'is held here' not in of_pair
     assert remarks_on_field(motor('brushed_dc'), [record], {}) == ()
 
 

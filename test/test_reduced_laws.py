@@ -60,6 +60,16 @@ def test_they_are_those_of_a_motor_without_inductance(key, values):
     assert np.sqrt(np.mean((without - with_current) ** 2)) < 0.03 * effect_of_it
 
 
+def test_gear_friction_of_an_axis_goes_with_what_drives_it():
+    time = DT * np.arange(1000)
+    data = Record(time, {'current': np.where(time < 0.5, 2.0, -1.0)}, {'current': 'A'})
+    axis = Model.base('mechanical_axis', {'J': 0.5, 'b': 1e-9, 'gain': 3.0, 'omega_eps': 1e-6})
+    geared = axis.with_effect('load_dependent_friction', {'mu': 0.2})
+    gain = np.diff(simulate(geared, data).outputs['speed']) / DT
+    assert gain[400] == pytest.approx((1 - 0.2) * 3.0 * 2.0 / 0.5, rel=1e-4)
+    assert gain[700] == pytest.approx(-(1 + 0.2) * 3.0 * 1.0 / 0.5, rel=1e-4)
+
+
 def test_the_inductance_that_it_adds_is_that_of_the_winding():
     data = record()
     true = speed(whole('', {}, L), data)

@@ -287,6 +287,19 @@ def test_laws_see_the_angle_that_the_speed_adds_up_to(sensor):
     assert np.std(seen - true['speed']) < 0.02 * moved
 
 
+def test_a_measured_position_is_no_prediction_of_itself():
+    """Held within the counts of its encoder the angle would fit whatever the model is."""
+    record = random_steps(2000, 'N m', 'torque')
+    model = Model.base('mechanical_axis', {'J': 1.0, 'b': 2.0})
+    count = 2 * np.pi / 4096
+    shown = np.floor(simulate(model, record).outputs['position'] / count) * count
+    told = record.with_signal('position', shown, 'rad')
+    wrong = model.with_values({'b': 4.0})
+    weightless = wrong.with_effect('gravity_load', {'tau_sin': 1e-9, 'tau_cos': 0.0})
+    plain, led = (simulate(m, told, ['position']).outputs['position'] for m in (wrong, weightless))
+    np.testing.assert_allclose(led, plain, atol=1e-6)
+
+
 def test_a_differenced_speed_is_half_a_sample_late():
     record = random_steps()
     ideal = simulate(Model.base('brushed_dc', MOTOR), record)

@@ -213,3 +213,11 @@ def test_without_equations_that_can_be_closed_nothing_is_said():
     axes = axes_of(model, [record], [lacks[0].states])
     assert 'input' in axes
     assert 'current' not in axes
+
+
+def test_what_drives_an_axis_has_its_own_unit():
+    time = 1e-3 * np.arange(500)
+    record = Record(time, {'force': np.sin(time), 'speed': time}, {'force': 'N', 'speed': 'm/s'})
+    model = Model.base('mechanical_axis', linear=True)
+    axes = axes_of(model, [record], [{'omega': record['speed'], 'u': record['force']}])
+    assert axes['input'].unit == 'N'

@@ -74,6 +74,9 @@ SECOND = 'and_'
 FRAMES = ('dq', 'abc')
 """How the currents of a three-phase motor are told: on and across the magnet, or by phase."""
 
+DRIVEN = 'driven'
+"""Ending of laws of torque for an axis, where the input is the torque that drives it."""
+
 REDUCED = 'voltage_reduced'
 """Name of a law for motors whose only equation is a balance of voltages."""
 
@@ -341,7 +344,7 @@ class Effect:
         Parameters
         ----------
         frame:
-            One of `FRAMES`, or empty for a motor with one current.
+            One of `FRAMES`, `DRIVEN`, or empty for a motor with one current.
         targets:
             Names of the motor's equations and sensors.
         balance:

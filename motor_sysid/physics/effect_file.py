@@ -12,6 +12,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.effect import (
     arguments,
     Card,
+    DRIVEN,
     Effect,
     Enters,
     FORCES,
@@ -46,7 +47,7 @@ def load_effect(key: str, module: ModuleType) -> Effect:
             f'effect file {where}: hidden_by names `{min(unknown)}`; '
             f'it may name {", ".join(SHORTFALLS)}'
         )
-    forces = (*FORCES, *(f'torque_{frame}' for frame in FRAMES))
+    forces = (*FORCES, *(f'torque_{frame}' for frame in (*FRAMES, DRIVEN)))
     known = (*forces, REDUCED, *(SECOND + name for name in forces), *SENSORS, *JUMPS)
     laws = {name: getattr(module, name) for name in known if hasattr(module, name)}
     if not laws and not card.delay:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 
 from motor_sysid.errors import UserError
-from motor_sysid.physics.effect import Amplitude, Effect, Shape
+from motor_sysid.physics.effect import Amplitude, Effect, Scale, Shape
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.motors.base import Motor
@@ -127,7 +127,8 @@ class Model:
         torque = next((f.unit for f in self.kind.forces if f.name == 'torque'), 'N m')
         added = [replace(p, unit=p.unit.replace('N m', torque)) for p in added]
         if self.linear:
-            added = [_linear(p) for p in added]
+            cards = zip(added, new.card.parameters, strict=True)
+            added = [p if card.scale is Scale.RATE else _linear(p) for p, card in cards]
         covered = [p.name for p in slim.parameters if p.name == new.card.covers]
         boxes = {p.name: p for p in added}
         taken = {f'{key}.{name}': value for name, value in inherited.items()}

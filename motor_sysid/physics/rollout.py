@@ -141,8 +141,8 @@ class Program:
         rows = [ROW_OF_FORCE[f'jump_{self.kind.states[j]}'] for j in moved]
         self._jumps = laws, moved, integers(rows)
         self.pace = Pace(self.kind, self.effects, self.names, calls.slopes[1].tolist())
-        everything = (*self.effects, *([self.kind.own] if self.kind.own else []))
-        self.reads_angle = any('theta' in one.needs() for one in everything)
+        self.reads_angle = self.kind.turns or any('theta' in one.needs() for one in self.effects)
+        self._keeps_count = self.kind.turns or 'position' not in self.outputs
 
     def _aim_outputs(self) -> None:
         known = {output.signal: output for output in self.kind.outputs}
@@ -377,7 +377,7 @@ class Program:
             drive.inputs,
             workspace.late,
             drive.told_by(self.speed_sensor).position if self.reads_angle else np.empty(0),
-            0.5 * drive.count,
+            0.5 * drive.count if self._keeps_count else 0.0,
             places,
             np.empty((0, 2, len(self.kind.forces), LANES)) if push is None else push,
             workspace.buffer,

@@ -248,10 +248,17 @@ def remarks_on_field(
     if turn < FAST_FIELD:
         return ()
     wanted = 100 * math.ceil(turn / (WELL_SEEN * dt) / 100)
+    held = _COMMUTATED if kind.terminals else _HELD
+    alone = f'; or fit {_AXIS} (`--motor {kind.blurred}`)' if kind.blurred else ''
     return (
         f'the field turns on by {math.degrees(turn):.0f} degrees from sample to sample at the '
-        'highest speed: a voltage that a drive changes in between, and is held here, tells little '
-        'of the currents, and each sample takes many steps of simulation. To do: record at '
-        f'{wanted} Hz, or slower motion; or fit the mechanical side alone, '
-        'driven by the q current (`--motor mechanical_axis`)',
+        f'highest speed: {held}. To do: record at {wanted} Hz, or slower motion{alone}',
     )
+
+
+_HELD = (
+    'a voltage that a drive changes in between, and is held here, tells little of the currents, '
+    'and each sample takes many steps of simulation'
+)
+_COMMUTATED = 'the drive commutates in nearly every sample, and what happens there is not recorded'
+_AXIS = 'the mechanical side alone, driven by the q current'

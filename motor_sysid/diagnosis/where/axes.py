@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.effect import arguments
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -94,16 +95,16 @@ def axes_of(
     axes.append(_clock(records))
     heat = _heat(model, records, states)
     known = {axis.name: axis for axis in (*axes, *heat)}
-    return known if drawn else {**known, **driven(records, states)}
+    return known if drawn else {**known, **driven(model, records, states)}
 
 
 def driven(
-    records: Sequence[Record], states: Sequence[Mapping[str, Array]]
+    model: Model, records: Sequence[Record], states: Sequence[Mapping[str, Array]]
 ) -> dict[str, Axis]:
     """Return the input as an axis, where there is one: what a drive does to it goes with it."""
     if not all('u' in s for s in states):
         return {}
-    unit = records[0].units.get('voltage', '1') if 'voltage' in records[0] else '1'
+    unit = records[0].units[input_signals(records[0], model.kind)[0]]
     return {INPUT: _signed(INPUT, unit, tuple(s['u'] for s in states))}
 
 

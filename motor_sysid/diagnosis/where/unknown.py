@@ -96,7 +96,7 @@ def _unknown(
     unit = next(f.unit for f in model.kind.forces if f.name == rows.force)
     unit = linear_unit(unit) if model.linear else unit
     states = [one.states for one in failure.lacks]
-    further = {**driven(records, states), **many_turns(model, states), **own_time(records)}
+    further = {**driven(model, records, states), **many_turns(model, states), **own_time(records)}
     axes = {**failure.axes, **further}
     shares = tuple(
         AxisShare(rows.force, quantity, unit, name, *_share(rows, columns))

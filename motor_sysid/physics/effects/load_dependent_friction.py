@@ -1,6 +1,7 @@
 """Gear friction: it grows with the torque that the gear transmits.
 
-Where the current is not measured, ``u - k_v omega`` stands for the motor's torque.
+Where the current is not measured, ``u - k_v omega`` stands for the motor's torque; an axis is
+driven by its input.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
@@ -48,3 +49,8 @@ def torque_abc(
 def voltage_reduced(omega: float, omega_eps: float, u: float, k_v: float, mu: float) -> float:
     """Voltage in V."""
     return -mu * abs(u - k_v * omega) * smooth_sign(omega, omega_eps)
+
+
+def torque_driven(omega: float, omega_eps: float, u: float, gain: float, mu: float) -> float:
+    """Torque in N m."""
+    return -mu * gain * abs(u) * smooth_sign(omega, omega_eps)

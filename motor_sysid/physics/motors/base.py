@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.physics.effect import arguments, Effect, JUMPS, Law
+from motor_sysid.physics.effect import arguments, DRIVEN, Effect, JUMPS, Law
 from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.signals.record import Record
 
@@ -134,6 +134,8 @@ class Motor:
         ``(values, record) -> (N,)`` torque that the motor puts on its shaft, as measured.
     frame:
         Frame of a three-phase motor, see `motor_sysid.physics.effect.FRAMES`; empty otherwise.
+    driven:
+        Whether its input is the torque that drives it: it takes laws that are made for that.
     own:
         Laws of the motor itself that its linear core does not hold, as an effect without
         parameters of its own; it is always there.
@@ -186,6 +188,7 @@ class Motor:
     start: Callable[[Sequence[Record], Mapping[str, float]], dict[str, float]]
     drive_torque: Callable[[Mapping[str, float], Record], Array]
     frame: str = ''
+    driven: bool = False
     own: Effect | None = None
     derived: Mapping[str, Law] = field(default_factory=dict)
     typical: Callable[[Values], Matrices] | None = None
@@ -220,7 +223,8 @@ class Motor:
             one = replace(one, laws={**one.laws, sensors[states.index('i')]: law})
         equations = [force.name for force in self.forces]
         jumps = [f'jump_{state}' for state in self.states]
-        return one.within(self.frame, (*equations, *sensors, *jumps), self.balance)
+        frame = DRIVEN if self.driven else self.frame
+        return one.within(frame, (*equations, *sensors, *jumps), self.balance)
 
     def with_derived(
         self, signals: Mapping[str, Array], values: Mapping[str, float]
@@ -235,6 +239,11 @@ class Motor:
             if all(n in signals or n in values for n in asked):
                 found[name] = law(*[signals[n] if n in signals else values[n] for n in asked])  # type: ignore[assignment]
         return found
+
+    @property
+    def turns(self) -> bool:
+        """Whether laws of its own read its angle."""
+        return self.own is not None and 'theta' in self.own.needs()
 
     @property
     def needs_position(self) -> bool:

@@ -100,4 +100,5 @@ MOTOR = Motor(
     matrices=matrices,
     start=start,
     drive_torque=drive_torque,
+    driven=True,
 )
