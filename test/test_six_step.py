@@ -94,6 +94,17 @@ def test_sectors_and_a_speed_take_the_place_of_an_encoder():
         assert np.all(errors(true_model(one), record, 4) < [0.01, 1e-4])
 
 
+def test_a_position_that_is_compared_stays_within_its_count():
+    """Where laws of the motor read it: commutation is there to the sample."""
+    one = case('six_step/complete/0')
+    model, record = true_model(one), one.train[0]
+    program = Program.of(model, ('current', 'position'))
+    values = {name: np.array([model[name]]) for name in program.names}
+    drive = Drive.of(record, model.kind)
+    out = program.run(values, drive, np.zeros((1, 3)), substeps=8)
+    assert np.max(np.abs(out[:, 1, 0] - record['position'])) < drive.count
+
+
 def test_one_step_between_two_commutations_is_nearly_enough():
     one = case('six_step/complete/0', ideal=True)
     assert np.all(errors(true_model(one), one.train[0], 1) < 0.01)

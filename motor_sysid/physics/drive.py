@@ -35,8 +35,8 @@ class Drive:
         Width of a count of the measured position, rad; 0 where it has none.  Laws see the
         simulated position as far as it lies within the count: what a rotor that rests sees is not
         what the encoder shows, and the same for as long as it rests.  That is held within the
-        count, and no prediction: where the position is an output, and effects alone read it (not
-        laws of the motor), laws see the measured one, for those effects would explain all of it.
+        count, and no prediction: where the position is an output, laws see the measured one, for
+        effects would explain all of it, but for a motor that commutates to the sample.
     ahead:
         (N,) how far the position lies ahead, rad, if it is the sum of a speed and that speed is
         one of the moment; or empty.

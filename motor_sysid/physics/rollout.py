@@ -141,10 +141,11 @@ class Program:
         rows = [ROW_OF_FORCE[f'jump_{self.kind.states[j]}'] for j in moved]
         self._jumps = laws, moved, integers(rows)
         self.pace = Pace(self.kind, self.effects, self.names, calls.slopes[1].tolist())
-        self.reads_angle = self.kind.turns or any('theta' in one.needs() for one in self.effects)
-        self._keeps_count = self.kind.turns or 'position' not in self.outputs
+        everything = (*self.effects, *([self.kind.own] if self.kind.own else []))
+        self.reads_angle = any('theta' in one.needs() for one in everything)
 
     def _aim_outputs(self) -> None:
+        self._keeps_count = self.kind.needs_position or 'position' not in self.outputs
         known = {output.signal: output for output in self.kind.outputs}
         motor_names = [p.name for p in self.kind.parameters]
         zero_row = self._rows - 1

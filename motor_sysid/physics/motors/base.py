@@ -241,11 +241,6 @@ class Motor:
         return found
 
     @property
-    def turns(self) -> bool:
-        """Whether laws of its own read its angle."""
-        return self.own is not None and 'theta' in self.own.needs()
-
-    @property
     def needs_position(self) -> bool:
         """Whether its equations depend on the angle of the shaft."""
         own = self.own.laws if self.own else {}
