@@ -141,8 +141,7 @@ class Program:
         rows = [ROW_OF_FORCE[f'jump_{self.kind.states[j]}'] for j in moved]
         self._jumps = laws, moved, integers(rows)
         self.pace = Pace(self.kind, self.effects, self.names, calls.slopes[1].tolist())
-        everything = (*self.effects, *([self.kind.own] if self.kind.own else []))
-        self.reads_angle = any('theta' in one.needs() for one in everything)
+        self.reads_angle = any('theta' in e.needs() for e in (*self.effects, self.kind.own) if e)
 
     def _aim_outputs(self) -> None:
         self._keeps_count = self.kind.needs_position or 'position' not in self.outputs
