@@ -240,9 +240,10 @@ def _profile(model: 'Model', args: argparse.Namespace) -> 'Profile':
     if args.open_loop is not None:
         name, *more = _inputs(model)
         if more:
+            own_drive = 'leave --open-loop out, or ' if model.kind.frame else ''
             raise UserError(
                 f'a {model.kind.title} is driven by {name}, {", ".join(more)} at once, not by one '
-                'level; give --input DATA'
+                f'level; {own_drive}give --input DATA'
             )
         unit = unit_of(name, linear=model.linear)
         return Profile(args.profile, args.open_loop, args.duration, signal=name, unit=unit)
