@@ -28,7 +28,7 @@ from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.at_rest import diagnosis_at_rest
 from motor_sysid.effort import counted_by
 from motor_sysid.errors import UserError
-from motor_sysid.estimation.batch import Chain
+from motor_sysid.estimation.batch import Chain, Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import catalogue, effect
 from motor_sysid.physics.model import Model
@@ -94,11 +94,13 @@ def diagnose(
     bench = make_bench(records, held, kind, model, settings.validation_fraction, nominal)
     notes += bench.notes
     tell(f'fitting a linear {kind.title}')
+    noise = None
     if model is None:
-        model = base_fit(records, kind, bench.train, bench.outputs, nominal).model
+        fitted = base_fit(records, kind, bench.train, bench.outputs, nominal)
+        model, noise = fitted.model, fitted.weighting
     notes += _passed_over(effects or (), model)
     if kind.currents and stands_still([*records, *held]):
-        found = diagnosis_at_rest(climb(model, bench), bench)
+        found = diagnosis_at_rest(climb(model, bench, noise), bench)
         searched = tuple(records), tuple(held)
         return replace(found, warnings=(*notes, *found.warnings), searched=searched)
     bench = with_scales(bench, model)
@@ -106,7 +108,7 @@ def diagnose(
     keys = [one.key for one in candidates]
     threshold = threshold_for(settings.calibrations, model, situation, settings.alpha, keys)
     bench = replace(bench, threshold=threshold.delta_bic, offered=frozenset(keys))
-    search = _Search(model, bench, candidates, settings, tell, nominal)
+    search = _Search(model, noise, bench, candidates, settings, tell, nominal)
     found = search.on(bench, records, held)
     found = with_own_values(found, bench, records, held, search.anew, tell)
     if shows_only_there(found):
@@ -120,9 +122,10 @@ def diagnose(
 
 @dataclass(frozen=True)
 class _Search:
-    """Searches from one model, with the same candidates, on whatever data."""
+    """Searches from one model and its noise, with the same candidates, on whatever data."""
 
     model: Model
+    noise: Weighting | None
     bench: Bench
     candidates: Sequence[Effect]
     settings: Settings
@@ -134,7 +137,7 @@ class _Search:
         engine = Engine(bench, self.candidates, self.settings, self.tell, self.nominal)
         effort = self.settings.effort_for(sum(map(len, engine.train_records)))
         with counted_by(effort):
-            found = engine.run(climb(self.model, bench))
+            found = engine.run(climb(self.model, bench, self.noise))
         found = replace(found, searched=(tuple(train), tuple(held)))
         return replace(found, warnings=(*found.warnings, CUT)) if effort.cut else found
 

@@ -3,7 +3,7 @@
 from collections.abc import Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
-from itertools import product
+from itertools import product, starmap
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from motor_sysid.estimation.batch import (
     fit_multistart,
     FitResult,
     make_chain,
-    misfit,
     observed_outputs,
     Problem,
     sensors_of,
@@ -38,7 +37,6 @@ from motor_sysid.signals.phases import with_third_current
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.slow_updates import with_moving_positions, with_news_held
 from motor_sysid.signals.strays import without_strays
-from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -234,14 +232,13 @@ def base_fit(
     known = _inside(kind, {**begun, **nominal})
     starts = [begun] if known == begun else [begun, known]
 
-    def fitted(start: tuple[SpeedSensor, Mapping[str, float]]) -> FitResult:
-        sensor, values = start
+    def begun_at(sensor: SpeedSensor, values: Mapping[str, float]) -> Problem:
         model = Model.base(kind.key, {**values, **widths}, speed_sensor=sensor, linear=linear)
         model = model.with_free(name for name in kind.unless_given if name not in nominal)
         model = with_rotor_held(model) if resting else model
-        return fit_multistart(Problem(model, chains, outputs))
+        return Problem(model, chains, outputs)
 
-    return min(in_threads(fitted, product(_sensors(records, outputs), starts)), key=misfit)
+    return fit_multistart(*starmap(begun_at, product(_sensors(records, outputs), starts)))
 
 
 def make_bench(

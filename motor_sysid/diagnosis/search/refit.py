@@ -266,9 +266,12 @@ def try_thoroughly(start: Scored, level: Level, bench: Bench) -> Trial:
     usual = min(USUAL * bench.scales.size(first.scale), size.upper)
     more = min(size.value, -usual) if size.value < 0.0 else max(size.value, usual)
     fits = [
-        rough_fit(one.with_values(blunt), None, bench, THOROUGH_STEPS, reweight=REWEIGHT)
-        for one in (model, model.with_values({size.name: more}))
-    ]
+        rough_fit(
+            model.with_values({**blunt, size.name: value}), None, bench, THOROUGH_STEPS,
+            reweight=REWEIGHT,
+        )
+        for value in dict.fromkeys((size.value, more))
+    ]  # fmt: skip
     best = min(fits, key=misfit)
     new = climb(best.model.with_values(widths), bench, best.weighting)
     return judged(start, replace(new, near=()), level, bench, new.near)
