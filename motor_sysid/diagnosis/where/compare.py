@@ -10,7 +10,7 @@ from motor_sysid.diagnosis.result.curves import Where
 from motor_sysid.diagnosis.where.axes import axes_of
 from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
-from motor_sysid.estimation.batch import Chain, Problem
+from motor_sysid.estimation.batch import Chain, Problem, white
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.record import Record
@@ -47,10 +47,18 @@ class Comparison:
 def compare(
     model: Model, chains: Sequence[Chain], outputs: Sequence[str], *, substeps: int = 1
 ) -> Comparison:
-    """Run a model over chains from the measured initial state and take the errors."""
+    """Run a model over chains from the measured initial state and take the errors.
+
+    A position tells the speed at the start but roughly; where it is an output, the best initial
+    state is taken.
+    """
     problem = Problem(model, chains, outputs, substeps=substeps)
-    z = problem.vector()[np.newaxis, :]
-    runs = zip(problem.stretches, problem.simulate(z), strict=True)
+    z = problem.vector()
+    if 'position' in outputs:
+        near = problem.linearize(z, parameters=False)
+        noise = white([one.residual for one in near])
+        return comparison_of([problem.settled(one, noise) for one in near], problem)
+    runs = zip(problem.stretches, problem.simulate(z[np.newaxis, :]), strict=True)
     return comparison_of([stretch.judged - run[:, :, 0] for stretch, run in runs], problem)
 
 

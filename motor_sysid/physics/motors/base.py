@@ -14,6 +14,10 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 Values = Mapping[str, Array]
 Matrices = tuple[Array, Array, Array]
+Columns = Callable[[Record, int], tuple[Array, Array]]
+
+CUTS = (50, 100, 200, 400, 800)
+"""Windows of a record over which balances are integrated, fewest first."""
 
 MOST_SUBSTEPS = 64
 
@@ -285,23 +289,40 @@ def stack(rows: Sequence[Sequence[Array]]) -> Array:
     return out
 
 
-def integral_regression(
-    records: Sequence[Record],
-    columns: Callable[[Record, int], tuple[Array, Array]],
-) -> Array:
+def integral_regression(records: Sequence[Record], columns: Columns, cut: int = 50) -> Array:
     """Solve ``y = X p`` stacked over records by scaled least squares.
 
     `columns` gives, for a record and a window in samples, the regressors X (K, p) and y (K,) of
     equations integrated over windows of that length: integration needs no derivative and averages
-    the noise.  The window is a fiftieth of the record, between 4 and 400 samples.
+    the noise.  A record has `cut` windows; each is between 4 and 400 samples.
     """
-    parts = [columns(r, int(np.clip(len(r) // 50, 4, 400))) for r in records]
+    parts = [columns(r, _window(r, cut)) for r in records]
     x = np.concatenate([p[0] for p in parts])
     y = np.concatenate([p[1] for p in parts])
     scale = np.linalg.norm(x, axis=0)
     scale[scale == 0] = 1.0
     solution: Array = np.linalg.lstsq(x / scale, y, rcond=1e-10)[0] / scale
     return solution
+
+
+def inertia_and_friction(records: Sequence[Record], columns: Columns) -> tuple[float, float]:
+    """Read J and b from a torque balance, whose regressors are speed gained, angle and time.
+
+    Over windows that are longer than J/b the inertia does little, and a load that pulls back, as
+    gravity does, passes for a negative one.  So windows get shorter until they are within it.
+    """
+    found = []
+    for cut in CUTS:
+        inertia, b, _ = integral_regression(records, columns, cut)
+        found.append((max(float(inertia), 1e-9), float(b)))
+        longest = max(_window(record, cut) * record.dt for record in records)
+        if 0.0 < inertia >= b * longest:
+            return found[-1]
+    return found[0]
+
+
+def _window(record: Record, cut: int) -> int:
+    return int(np.clip(len(record) // cut, 4, 400))
 
 
 def windows(values: Array, length: int) -> tuple[Array, Array]:

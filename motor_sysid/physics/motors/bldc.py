@@ -24,6 +24,7 @@ from motor_sysid.physics.motors.base import (
     Array,
     Balance,
     Force,
+    inertia_and_friction,
     integral_regression,
     Matrices,
     Motor,
@@ -118,13 +119,13 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
         columns = [windows(speed, length)[1], areas(speed, length, dt), bias]
         return np.column_stack(columns), torque
 
-    inertia, b, _ = integral_regression(records, mechanical)
+    inertia, b = inertia_and_friction(records, mechanical)
     r, dt = max(r, 1e-4), records[0].dt
     return {
         **values,
         'R': r,
         'L': float(np.clip(inductance, 0.05 * r * dt, 50 * r * dt)),
-        'J': max(inertia, 1e-9),
+        'J': inertia,
         'b': max(b, 1e-3 * values['k_e'] ** 2 / r),
     }
 

@@ -17,6 +17,7 @@ from motor_sysid.physics.motors.base import (
     Array,
     Balance,
     Force,
+    inertia_and_friction,
     integral_regression,
     Matrices,
     Motor,
@@ -69,14 +70,14 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
         bias = np.full_like(charge, dt * length)
         return np.column_stack([speed, angle * dt, bias]), k_t * charge
 
-    inertia, b, _ = integral_regression(records, mechanical)
+    inertia, b = inertia_and_friction(records, mechanical)
     dt = records[0].dt
     r = max(r, 1e-4)
     return {
         'R': r,
         'L': float(np.clip(inductance, 0.05 * r * dt, 50 * r * dt)),
         'k_t': k_t,
-        'J': max(inertia, 1e-9),
+        'J': inertia,
         'b': max(b, 1e-3 * k_t**2 / r),
     }
 

@@ -17,7 +17,7 @@ from motor_sysid.physics.motors.base import (
     Array,
     Balance,
     Force,
-    integral_regression,
+    inertia_and_friction,
     Matrices,
     Motor,
     Output,
@@ -52,8 +52,7 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
         torque = gain * windows(record[_drive(record)], length)[0] * dt
         return np.column_stack([speed, angle * dt, np.full_like(torque, dt * length)]), torque
 
-    inertia, b, _ = integral_regression(records, balance)
-    inertia = max(inertia, 1e-9)
+    inertia, b = inertia_and_friction(records, balance)
     return {'J': inertia, 'b': max(b, 1e-3 * inertia / records[0].duration), 'gain': gain}
 
 

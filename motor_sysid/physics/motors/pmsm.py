@@ -24,6 +24,7 @@ from motor_sysid.physics.motors.base import (
     Array,
     Balance,
     Force,
+    inertia_and_friction,
     integral_regression,
     Matrices,
     Motor,
@@ -100,9 +101,9 @@ def start(records: Sequence[Record], given: Mapping[str, float]) -> dict[str, fl
         columns = [windows(speed, length)[1], areas(speed, length, dt), bias]
         return np.column_stack(columns), torque
 
-    inertia, b, _ = integral_regression(records, mechanical)
+    inertia, b = inertia_and_friction(records, mechanical)
     lossy = 1.5e-3 * (pairs * psi) ** 2 / r
-    return {**values, 'R': r, 'J': max(inertia, 1e-9), 'b': max(b, lossy)}
+    return {**values, 'R': r, 'J': inertia, 'b': max(b, lossy)}
 
 
 def _electrical(
