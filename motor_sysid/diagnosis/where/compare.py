@@ -11,8 +11,10 @@ from motor_sysid.diagnosis.where.axes import axes_of
 from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
 from motor_sysid.estimation.batch import Chain, Problem, white
+from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.metrics import sizes_of
+from motor_sysid.signals.noise import noise_sigma
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -49,17 +51,30 @@ def compare(
 ) -> Comparison:
     """Run a model over chains from the measured initial state and take the errors.
 
-    A position tells the speed at the start but roughly; where it is an output, the best initial
-    state is taken.
+    Counts of a position tell the speed but roughly; where that is an output, the most likely
+    initial state is taken.
     """
     problem = Problem(model, chains, outputs, substeps=substeps)
-    z = problem.vector()
+    near = problem.linearize(problem.vector(), parameters=False)
+    found = [one.residual for one in near]
     if 'position' in outputs:
-        near = problem.linearize(z, parameters=False)
-        noise = white([one.residual for one in near])
-        return comparison_of([problem.settled(one, noise) for one in near], problem)
-    runs = zip(problem.stretches, problem.simulate(z[np.newaxis, :]), strict=True)
-    return comparison_of([stretch.judged - run[:, :, 0] for stretch, run in runs], problem)
+        noise = white(found)
+        found = [
+            problem.settled(one, noise, _spread(stretch, model.kind.states))
+            for one, stretch in zip(near, problem.stretches, strict=True)
+        ]
+    return comparison_of(found, problem)
+
+
+def _spread(stretch: Stretch, states: Sequence[str]) -> Array:
+    """Return (m,) standard deviations of the open initial states, read from a position.
+
+    In units of the sizes of the states; the speed is a central difference.
+    """
+    count = stretch.drive.count / np.sqrt(12.0)
+    angle = max(noise_sigma(stretch.record['position']), count)
+    known = {'theta': angle, 'omega': angle / (np.sqrt(2.0) * stretch.drive.dt)}
+    return np.array([known[states[j]] / stretch.state_size[j] for j in stretch.open_states])
 
 
 def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:

@@ -255,7 +255,7 @@ def _stretch(
     even: Record, drive: Drive, first: int, last: int, kind: Motor, outputs: Sequence[str],
     scored_from: int, limits: Array | None, sampling: tuple[Sampling | None, ...],
 ) -> Stretch:  # fmt: skip
-    """Prepare rows first to last; a record that begins at rest starts from rest.
+    """Prepare rows first to last; a stretch that begins at rest starts from rest.
 
     Within a record, counts that stay for a moment do not tell rest from a slow turn.
     """
@@ -265,7 +265,8 @@ def _stretch(
     speed = measured_speed(even)
     top = float(np.max(np.abs(speed), initial=1e-12))
     head = speed[first : first + max(int(_REST_TIME / even.dt), 3)]
-    at_rest = first == 0 and bool(np.all(np.abs(head) <= 1e-3 * top))
+    told = first == 0 or 'speed' in even
+    at_rest = told and bool(np.all(np.abs(head) <= 1e-3 * top))
     state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
     still_open: list[int] = []
     coarse = 'speed' in record and even.dt > _COARSE

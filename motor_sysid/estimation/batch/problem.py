@@ -22,7 +22,7 @@ Array = NDArray[np.float64]
 
 _WIDE_OPEN = 1e6
 _PIECE = 500
-_RUNAWAY = 1e100
+_RUNAWAY, _CERTAIN = 1e100, 1e-9
 
 
 @dataclass(frozen=True)
@@ -295,8 +295,13 @@ class Problem:
         return [self.settled(near, weighting) for near in self.linearize(z, parameters=False)]
 
     @staticmethod
-    def settled(near: Linearization, weighting: Weighting) -> Array:
-        """Return (N, n_y) residual after the open initial states are set to their best values."""
+    def settled(
+        near: Linearization, weighting: Weighting, spread: Array | None = None
+    ) -> Array:
+        """Return (N, n_y) residual after the open initial states are set to their best values.
+
+        Where their (m,) standard deviations are known, to the most likely ones.
+        """
         if near.start.shape[2] == 0:
             return near.residual
         start = weighting.flat(near.start)
@@ -304,6 +309,9 @@ class Problem:
         largest = np.maximum(np.max(np.abs(start)), np.max(np.abs(error)))
         if not largest < _RUNAWAY:  # or not a number
             return near.residual
+        if spread is not None:
+            start = np.concatenate((start, np.diag(1.0 / np.maximum(spread, _CERTAIN))))
+            error = np.concatenate((error, np.zeros((spread.size, 1))))
         change = np.linalg.lstsq(start, error, rcond=None)[0]
         rest: Array = near.residual - near.start @ change[:, 0]
         return rest
