@@ -90,6 +90,19 @@ def test_a_weight_that_the_motor_can_only_swing_is_plausible():
     assert 'tau_sin is 3 times the rated torque: the motor can swing it, not hold it' in one.words
 
 
+@pytest.mark.parametrize(('part', 'plausible'), [(0.1, True), (1.5, False)])
+def test_a_voltage_that_is_lost_is_held_against_the_largest_one(part, plausible):
+    data = records({}, ['steps'], 2.0)
+    lost = part * float(np.quantile(np.abs(data[0]['voltage']), 0.999))
+    model = fitted({}).with_effect('brush_voltage_drop', {'v_b': lost})
+    model = model.with_estimates({}, {'brush_voltage_drop.v_b': 1e-3})
+    found = tried('brush_voltage_drop', 'brush voltage drop')
+    (one,) = evidence_of([step(fitted({}), 5.0, (found,)), step(model, 1.0)], data, 0.6, {})
+    assert one.plausible == plausible
+    words = 'v_b is 10 % of' if plausible else 'v_b is more than'
+    assert f'{words} the largest voltage' in one.words
+
+
 def test_an_amplitude_that_cannot_be_told_from_zero_is_not_plausible():
     steps = ladder()
     steps[1] = step(with_friction({}, sigma=5e-3), 1.0)

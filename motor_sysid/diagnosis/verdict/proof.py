@@ -5,12 +5,14 @@ import itertools
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.figures import apart, with_unit
 from motor_sysid.diagnosis.result.findings import Evidence, WrongParameter
 from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.gates import WILD_PERCENT
 from motor_sysid.diagnosis.search.refit import parameters_of
+from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.effect import Amplitude
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import linear_unit, Model
@@ -32,7 +34,7 @@ RATED = 'rated_torque'
 """Name of the rated torque among nominal values."""
 
 LARGE = 1.0
-"""Share of the torque at hand above which a parasitic torque is not plausible."""
+"""Share of the torque or voltage at hand above which one that is lost is not plausible."""
 
 
 def evidence_of(
@@ -187,25 +189,39 @@ def _size(
     records: Sequence[Record],
     nominal: Mapping[str, float],
 ) -> Iterator[str]:
-    """Compare a torque or force with the rated one, or with the largest in the data."""
-    unit = next((f.unit for f in model.kind.forces if f.name == 'torque'), '')
-    if card.unit != 'N m' or unit != 'N m':
-        return
-    drive = [model.kind.drive_torque(model.parameters.values(), r) for r in records]
-    whole, name = float(np.quantile(np.abs(np.concatenate(drive)), 0.999)), 'the largest torque'
-    if RATED in nominal:
-        whole, name = nominal[RATED], 'the rated torque'
+    """Compare a torque, force or voltage with the rated or the largest one at hand."""
+    whole, name = _whole(card.unit, model, records, nominal)
     if whole <= 0:
         return
     share = value / whole
-    kind = 'force' if linear_unit(card.unit) == 'N' and model.linear else 'torque'
-    name = name.replace('torque', kind)
     yield (
         f'{card.name} is {100 * share:.2g} % of {name}.' if share <= LARGE
         else f'{card.name} is {share:.2g} times {name}: the motor can swing it, not hold it.'
         if card.swings
         else f'{card.name} is more than {name}: hardly plausible.'
     )  # fmt: skip
+
+
+def _whole(
+    unit: str, model: Model, records: Sequence[Record], nominal: Mapping[str, float]
+) -> tuple[float, str]:
+    """Return what there is of a torque or voltage, and what that is called; 0 of other things."""
+    kind = model.kind
+    if unit == 'V':
+        volts = [r[n] for r in records for n in input_signals(r, kind) if r.units[n] == 'V']
+        return _largest(volts), 'the largest voltage'
+    if unit != 'N m' or all(f.name != 'torque' or f.unit != unit for f in kind.forces):
+        return 0.0, ''
+    word = 'force' if linear_unit(unit) == 'N' and model.linear else 'torque'
+    if RATED in nominal:
+        return nominal[RATED], f'the rated {word}'
+    drive = [kind.drive_torque(model.parameters.values(), r) for r in records]
+    return _largest(drive), f'the largest {word}'
+
+
+def _largest(parts: Sequence[NDArray[np.float64]]) -> float:
+    """Return the largest size, but for one in a thousand."""
+    return float(np.quantile(np.abs(np.concatenate(parts)), 0.999)) if parts else 0.0
 
 
 def _moved(first: Model, last: Model, name: str) -> Iterator[WrongParameter]:
