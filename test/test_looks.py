@@ -34,7 +34,7 @@ def positions(seconds: float, load: float = 0.0, **effects: dict[str, float]) ->
     [
         (0.02, {}, Verdict.COMPLETE),
         (0.0, {'coulomb_friction': {'tau_c': 0.05}}, Verdict.UNKNOWN_EFFECT),
-        (0.0, {'quadratic_drag': {'k_d': 0.05}}, Verdict.UNKNOWN_EFFECT),
+        (0.0, {'quadratic_drag': {'k_d': 0.08}}, Verdict.UNKNOWN_EFFECT),
     ],
     ids=['random load', 'friction', 'drag'],
 )

@@ -21,16 +21,19 @@ def left_over(rung: Rung, bench: Bench, records: Sequence[Record]) -> Remainder:
     """
     matched = Matched(bench.problem(rung.model), slopes(rung, bench))
     closed = any(moving_references(record) for record in records)
-    training = rung.training
+    training, looks = rung.training, rung.held
     if bench.train is not bench.train_free:
-        training = compare(rung.model, bench.train, bench.outputs, substeps=bench.substeps)
+        training, looks = (
+            compare(rung.model, part, bench.outputs, substeps=bench.substeps, as_measured=True)
+            for part in (bench.train, bench.held)
+        )
     held = Problem(rung.model, bench.held, bench.outputs)
-    best, other = held_at_best(held, rung.held.residuals, rung.result.weighting)
+    best, other = held_at_best(held, looks.residuals, rung.result.weighting)
     return examine_remainder(
         bench.outputs,
         training,
         rung.validation,
-        best if closed else rung.held,
+        best if closed else looks,
         (bench.train, bench.held),
         bench.differenced(rung.model),
         (matched.orders(contrast=STANDS_OUT), matched.led_orders()),
