@@ -33,7 +33,9 @@ HIDDEN = {
     'armature_heating': {'h': 3e-2, 't_th': 5.0},
     'stribeck_friction': {'tau_c': 3e-3, 'tau_s': 6e-3, 'omega_s': 8.0},
 }
-LONG = ('asymmetric_coulomb_friction', 'brush_voltage_drop', 'stribeck_friction')
+LONG = (
+    'armature_heating', 'asymmetric_coulomb_friction', 'brush_voltage_drop', 'stribeck_friction',
+)
 """Effects that take a part of `make test` out of proportion."""
 
 

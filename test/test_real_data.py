@@ -23,7 +23,7 @@ CASES = {
     'motor_g': ('flexible_shaft', Verdict.EFFECT_MISSING),
     'motor_h': ('cogging_torque', Verdict.EFFECT_MISSING),
 }
-LONG = ('motor_a', 'motor_b', 'motor_c', 'motor_f', 'motor_g')
+LONG = ('motor_a', 'motor_b', 'motor_c', 'motor_d', 'motor_f', 'motor_g')
 """Cases that take a part of `make test` out of proportion."""
 PHASES = ('motor_b',)
 """Cases whose answers tell one error of all currents, where a model predicts d and q: the noise
