@@ -79,7 +79,7 @@ def test_an_input_that_is_written_when_it_changes_is_held(tmp_path: Path) -> Non
     assert not record.samples
 
 
-@pytest.mark.parametrize('swapped', [1, 20])
+@pytest.mark.parametrize('swapped', [1, 20, COUNT // 3])
 def test_rows_that_overtook_each_other_cost_none(tmp_path: Path, swapped: int) -> None:
     slow, order = np.arange(COUNT) % 10 == 3, np.arange(COUNT)
     for k in np.linspace(100, COUNT - 100, swapped).astype(int):

@@ -28,6 +28,8 @@ ORDER = {channel.name: i for i, channel in enumerate(CHANNELS)}
 MOST_LATE = 0.2
 LATEST = 1.0
 """Rows count as overtaken, not as a new start, up to this share and delay (s)."""
+NEAR = 10
+"""Any share of them does, where none is more rows away from its place: no test is that short."""
 ROOM = 1.5
 """Median steps between the two neighbours of a late row, where a place was left free for it."""
 EPOCH = 1e7
@@ -127,12 +129,12 @@ def _without_holes(rows: Rows, findings: list[Finding]) -> Rows:
 
 
 def true_order(time: Array) -> NDArray[np.intp] | None:
-    """Return the order in which rows were measured where a few of them arrived late.
+    """Return the order in which rows were measured where some of them arrived late.
 
-    A row is late if its time lies before that of a row above it.  Few such rows, by little, that
-    fall into places left free for them were overtaken on the way (random transport delays); a
-    clock that was set back leaves no such places, whatever the phase in which it goes on, and None
-    is returned.
+    A row is late if its time lies before that of a row above it.  Few such rows, or many that are
+    some rows from their places, that fall into places left free for them were overtaken on the way
+    (random transport delays); a clock that was set back leaves no such places, whatever the phase
+    in which it goes on, and None is returned.
 
     Parameters
     ----------
@@ -141,9 +143,10 @@ def true_order(time: Array) -> NDArray[np.intp] | None:
     """
     depth = np.maximum.accumulate(time) - time
     late = depth > 0
-    if np.mean(late) > MOST_LATE or np.max(depth) > LATEST:
-        return None
     order = np.argsort(time, kind='stable')
+    away = np.max(np.abs(order - np.arange(order.size)))
+    if np.max(depth) > LATEST or (np.mean(late) > MOST_LATE and away > NEAR):
+        return None
     steps = np.diff(time[order])
     room = np.concatenate((steps, [np.inf])) + np.concatenate(([np.inf], steps))
     crowded = room[late[order]] < ROOM * np.median(steps)
