@@ -78,6 +78,23 @@ def test_effects_agree_with_an_adaptive_integrator():
         assert np.std(found.outputs[name] - truth) < 5e-4 * np.std(truth)
 
 
+@pytest.mark.parametrize('size', [1, 3, 40])
+def test_a_delay_reaches_back_to_what_came_before_a_part(size):
+    """Parts that begin where the whole was give what the whole does, alone or side by side."""
+    record = random_steps(400)
+    model = Model.base('brushed_dc', MOTOR).with_effect('input_delay', {'delay': 3.4 * DT})
+    model = model.with_effect('coulomb_friction', {'tau_c': 5e-3})
+    program = Program.of(model, ('current', 'speed', 'position'))
+    table = {name: np.full(size, value) for name, value in model.parameters.values().items()}
+    drive = Drive.of(record, model.kind)
+    whole = program.run(table, drive, np.zeros(3))
+    edges = [0, 90, 210, 300, 400]
+    parts = [drive.part(a, b) for a, b in pairwise(edges)]
+    begun = [whole[a].T for a in edges[:-1]]
+    found = program.run_chain(table, parts, begun)
+    np.testing.assert_allclose(np.concatenate(found), whole, rtol=1e-6, atol=1e-9)
+
+
 @pytest.mark.parametrize(('volts', 'share'), [(2.0, 0.03), (4.0, 0.15), (8.0, 0.13)])
 def test_waves_shorter_than_a_step_average_out(volts, share):
     """At 43 waves per turn a sample covers 0.25, 0.5 and 1 waves."""

@@ -15,6 +15,9 @@ from motor_sysid.signals.record import Record
 Array = NDArray[np.float64]
 _EMPTY = np.empty(0)
 
+REACH = 100
+"""Rows before its own that a part of a drive keeps, at most."""
+
 
 @dataclass(frozen=True)
 class Drive:
@@ -40,6 +43,8 @@ class Drive:
     ahead:
         (N,) how far the position lies ahead, rad, if it is the sum of a speed and that speed is
         one of the moment; or empty.
+    before:
+        What came just before, if that is known: delays reach back to it.
     """
 
     inputs: Array
@@ -49,6 +54,7 @@ class Drive:
     speed: float = 0.0
     count: float = 0.0
     ahead: Array = field(default_factory=lambda: _EMPTY)
+    before: 'Drive | None' = None
 
     @classmethod
     def of(cls, record: Record, kind: Motor, *, follow_position: bool = True) -> 'Drive':
@@ -83,12 +89,30 @@ class Drive:
 
     def part(self, first: int, last: int) -> 'Drive':
         """Return the drive of rows first to last (exclusive), with time and position as here."""
+        past = self._rows(max(first - REACH, 0), first, None) if first > 0 else self.before
+        return self._rows(first, last, past)
+
+    def _rows(self, first: int, last: int, before: 'Drive | None') -> 'Drive':
         return replace(
             self,
             inputs=self.inputs[first:last],
             start=self.start + first * self.dt,
             position=self.position[first:last],
             ahead=self.ahead[first:last],
+            before=before,
+        )
+
+    def led_in(self) -> 'Drive':
+        """Return the drive with what came before it in front."""
+        past = self.before
+        if past is None:
+            return self
+        inputs, position, ahead = (
+            np.concatenate((getattr(past, name), getattr(self, name)))
+            for name in ('inputs', 'position', 'ahead')
+        )
+        return replace(
+            self, inputs=inputs, start=past.start, position=position, ahead=ahead, before=None
         )
 
     def told_by(self, sensor: SpeedSensor) -> 'Drive':

@@ -61,8 +61,8 @@ class Program:
 
     Attributes
     ----------
-    names:
-        Every parameter, motor first.
+    names, delays:
+        Every parameter, motor first; and the places of input delays among them.
     memory_offsets:
         Where the own states of effects lie in a workspace's buffer (first of 32 lanes each).
     has_sensors:
@@ -132,7 +132,7 @@ class Program:
                 calls.add(lane, 0, 0)
         self._keep, self._rows, self._parameter_rows = calls.keep, row + 1, integers(rows)
         delays = [f'{one.key}.{one.card.delay}' for one in self.effects if one.card.delay]
-        self._delay_names = [self.names.index(name) for name in delays]
+        self.delays = [self.names.index(name) for name in delays]
         self._calls = (calls.laws, calls.stiff_count, calls.stiff_force, calls.rates)
         self._fades = np.array(calls.fades, dtype=np.bool_)
         self._slopes, self._sensors, self._sums = calls.slopes, calls.sensors, calls.sums
@@ -146,7 +146,6 @@ class Program:
     def _aim_outputs(self) -> None:
         self._keeps_count = self.kind.needs_position or 'position' not in self.outputs
         known = {output.signal: output for output in self.kind.outputs}
-        motor_names = [p.name for p in self.kind.parameters]
         zero_row = self._rows - 1
         states, differenced, bias, sensor, filters = [], [], [], [], []
         rows = dict(zip(self.names, self._parameter_rows.tolist(), strict=True))
@@ -161,7 +160,7 @@ class Program:
             states.append(self.kind.states.index('theta' if late else output.state))
             differenced.append(int(late))
             bias.append(
-                FIRST_PARAMETER_ROW + motor_names.index(output.bias) if output.bias else zero_row
+                FIRST_PARAMETER_ROW + self.names.index(output.bias) if output.bias else zero_row
             )
             sensor.append(ROW_OF_FORCE.get(f'{signal}_sensor', zero_row))
             filters.append(passed if signal == 'speed' else NONE)
@@ -303,8 +302,9 @@ class Program:
                 self.begin(workspace, x)
             workspace.rest()
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
-            pushed = None if push is None else filled(push)
-            self.advance(workspace, x, drive, cut[0], outputs, push=pushed)
+            seen = drive.led_in() if self.delays and push is None else drive
+            first, pushed = len(seen.inputs) - len(outputs), None if push is None else filled(push)
+            self.advance(workspace, x, seen, cut[0], outputs, first, pushed)
             results.append(outputs[:, :, :used])
         return results
 
@@ -324,8 +324,8 @@ class Program:
         buffer = np.zeros((self._rows + KEPT_ROWS) * LANES)
         buffer.reshape(-1, LANES)[self._parameter_rows] = full
         late, width = np.empty(0, dtype=np.int64), np.full((1, LANES), dt)
-        if delayed and self._delay_names:
-            late, width = delays(full[self._delay_names], dt)
+        if delayed and self.delays:
+            late, width = delays(full[self.delays], dt)
         again, even = turning and self._calls[1] > 0, bool(self.kind.wave)
         coarse, width = coarse_and_fine(width, parts, substeps, again=again, even=even)
         wide = -(-used // WIDTH) * WIDTH

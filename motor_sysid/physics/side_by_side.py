@@ -94,8 +94,9 @@ def run_side_by_side(
     )
     if WORTH_IT * _steps(packs, size, threads) > vectors(size) * sum(lengths):
         return []
-    whole = _joined(drives)
-    rows = np.cumsum([0, *lengths])
+    seen = [drive.led_in() for drive in drives] if program.delays else drives
+    whole = _joined(seen)
+    rows = np.cumsum([0, *(len(drive.inputs) for drive in seen)])
     fresh = {
         n: program.workspace(np.tile(table, n), whole.dt, *cut) for n in {len(p) for p in packs}
     }
@@ -210,7 +211,7 @@ def _run_pack(
 ) -> Array:
     """Run pieces side by side, `size` lanes each; return (N, n_y, 32) outputs of the longest.
 
-    `joined` are all drives as one and the row at which each begins.
+    `joined` are all drives as one, older inputs with them, and the row at which each begins.
     """
     whole, rows = joined
     x, begins = np.zeros((len(program.kind.states), LANES)), np.zeros(LANES)
@@ -219,7 +220,7 @@ def _run_pack(
         lanes, number = slice(slot * size, (slot + 1) * size), piece.stretch
         if piece.first == 0:
             x[:, lanes] = states[number].T
-        places[0, lanes] = rows[number] + piece.first
+        places[0, lanes] = rows[number + 1] - len(drives[number].inputs) + piece.first
         places[1, lanes], places[2, lanes] = rows[number], rows[number + 1]
         begins[lanes] = drives[number].start + piece.first * whole.dt
     for values in (x, places, begins[np.newaxis]):
