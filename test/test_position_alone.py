@@ -7,6 +7,7 @@ from motor_sysid.diagnosis.where.compare import compare
 from motor_sysid.estimation.batch import fit, make_chain, Problem
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors import motor
+from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
 INERTIA, FRICTION, WEIGHT, COUNT = 0.022, 0.04, 0.47, 2 * np.pi / 4096
@@ -91,3 +92,30 @@ def test_a_true_model_leaves_the_noise_of_counts_and_is_found(arm):
     assert found['gravity_load.tau_sin'] == pytest.approx(WEIGHT, rel=1e-3)
     assert found['J'] == pytest.approx(INERTIA, rel=1e-3)
     assert found['b'] == pytest.approx(FRICTION, rel=1e-2)
+
+
+def test_a_current_that_jumps_where_a_look_begins_is_no_evidence():
+    """What shows a fifth of the current is the same motor with other parameters, exactly.
+
+    It begins with another current, though, unless that is sought.
+    """
+    rng, time = np.random.default_rng(3), np.arange(3000) / 1000
+    volts = np.repeat(rng.uniform(-10, 10, 60), 50)
+    own = {'R': 4.0, 'L': 5.5e-4, 'k_t': 0.035, 'J': 1.4e-5, 'b': 8e-6}
+    model = Model.base('brushed_dc', own)
+    run = simulate(model, Record(time, {'voltage': volts}, {'voltage': 'V'})).outputs
+    signals = {
+        'voltage': volts, 'current': run['current'] + rng.normal(scale=0.05, size=time.size),
+        'position': COUNT * np.round(run['position'] / COUNT),
+    }  # fmt: skip
+    record = Record(time, signals, {'voltage': 'V', 'current': 'A', 'position': 'rad'})
+    outputs = ('current', 'position')
+    chains = [make_chain(record, model.kind, outputs, horizon=0.1)]
+    scaled = model.with_effect('current_sensor_scale', {'g': -0.8}).with_values(
+        {'R': 0.2 * own['R'], 'L': 0.2 * own['L'], 'J': 5 * own['J'], 'b': 5 * own['b']}
+    )
+
+    def error(one: Model) -> float:
+        return compare(one, chains, outputs).error_percent
+
+    assert error(scaled) == pytest.approx(error(model), rel=1e-3)

@@ -73,14 +73,16 @@ def compare(
 
 
 def _spread(stretch: Stretch, states: Sequence[str]) -> Array:
-    """Return (m,) standard deviations of the open initial states, read from a position.
+    """Return (m,) standard deviations of the open initial states, in units of their sizes.
 
-    In units of the sizes of the states; the speed is a central difference.
+    The speed is a central difference of the position; a current may be anything.
     """
     count = stretch.drive.count / np.sqrt(12.0)
     angle = max(noise_sigma(stretch.record['position']), count)
     known = {'theta': angle, 'omega': angle / (np.sqrt(2.0) * stretch.drive.dt)}
-    return np.array([known[states[j]] / stretch.state_size[j] for j in stretch.open_states])
+    return np.array(
+        [known.get(states[j], np.inf) / stretch.state_size[j] for j in stretch.open_states]
+    )
 
 
 def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:

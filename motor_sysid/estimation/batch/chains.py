@@ -257,7 +257,8 @@ def _stretch(
 ) -> Stretch:  # fmt: skip
     """Prepare rows first to last; a stretch that begins at rest starts from rest.
 
-    Within a record, counts that stay for a moment do not tell rest from a slow turn.
+    Within a record, counts that stay for a moment do not tell rest from a slow turn.  Of many
+    short runs the current at the start is sought as well: it may jump there.
     """
     record = even.slice(first, last)
     measured = np.column_stack([record[name] for name in outputs])
@@ -281,7 +282,11 @@ def _stretch(
                 size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
                 still_open.append(j)
         elif name in shown and shown[name] in record and not at_rest:
-            state[j] = _value_at(even[shown[name]], first, coarse=coarse)
+            current = even[shown[name]]
+            state[j] = _value_at(current, first, coarse=coarse)
+            if 'position' in outputs and scored_from == 0:
+                size[j] = 1e-3 * float(np.std(current)) + 1e-12
+                still_open.append(j)
     mine = drive.part(first, last)
     own = tuple(one and one.part(first, last) for one in sampling)
     return Stretch(
