@@ -27,6 +27,8 @@ read from; and how many times the noise the parabola may be off."""
 _BROKEN = 0.05
 """How far it may be off where samples are not coarse, as a share of how the signal varies: that is
 a step within the samples, or the current that answers to one."""
+_EXACTLY = 1.5
+"""The same, in units of the noise, where it must be as near as that."""
 _WINDOW, _RUN_IN = 1500, 100
 _WORTH_THINNING = 1.5
 PIECE, _PAIRS = 500, 4
@@ -258,7 +260,7 @@ def _stretch(
     """Prepare rows first to last; a stretch that begins at rest starts from rest.
 
     Within a record, counts that stay for a moment do not tell rest from a slow turn.  Of many
-    short runs the current at the start is sought as well: it may jump there.
+    short runs the current at the start is read more exactly: it may be about to jump.
     """
     record = even.slice(first, last)
     measured = np.column_stack([record[name] for name in outputs])
@@ -282,11 +284,9 @@ def _stretch(
                 size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
                 still_open.append(j)
         elif name in shown and shown[name] in record and not at_rest:
-            current = even[shown[name]]
-            state[j] = _value_at(current, first, coarse=coarse)
-            if 'position' in outputs and scored_from == 0:
-                size[j] = 1e-3 * float(np.std(current)) + 1e-12
-                still_open.append(j)
+            state[j] = _value_at(
+                even[shown[name]], first, coarse=coarse, exactly='position' in outputs
+            )
     mine = drive.part(first, last)
     own = tuple(one and one.part(first, last) for one in sampling)
     return Stretch(
@@ -294,7 +294,7 @@ def _stretch(
     )
 
 
-def _value_at(values: Array, index: int, *, coarse: bool) -> float:
+def _value_at(values: Array, index: int, *, coarse: bool, exactly: bool = False) -> float:
     """Value of a noisy signal at a sample: a parabola through its surroundings.
 
     Through as many of them as one fits; if none does, it is the sample itself.  Of a speed that
@@ -304,6 +304,7 @@ def _value_at(values: Array, index: int, *, coarse: bool) -> float:
     near = values[max(index - _NEAR, 0) : index + _NEAR]
     noise = _noise_of(near)
     limit = _SURELY * noise if coarse else max(_SURELY * noise, _BROKEN * float(np.std(near)))
+    limit = _EXACTLY * noise if exactly else limit
     for span in _START_SPANS:
         first = max(index - span // 2, 0)
         around = values[first : first + span]

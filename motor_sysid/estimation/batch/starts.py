@@ -48,7 +48,7 @@ def _begun(
     state = stretch.state
     for output, effects in sensing:
         place = kind.states.index(output.state)
-        if place in stretch.open_states and output.signal in stretch.record:
+        if stretch.state[place] != 0.0 and output.signal in stretch.record:
             known: dict[str, Array | float] = {**table, **_seen(kind, stretch)}
             offset, high = (
                 _added(effects, output.signal, {**known, output.state: at}) for at in (0.0, 1.0)
