@@ -343,6 +343,15 @@ def test_less_than_a_turn_hides_cogging():
     record = driven(1.5 * np.sign(np.sin(2 * np.pi * 12 * time)))
     spots = {s.code: s for s in blind_spots(fitted({}), [record], ())}
     assert 'cogging_torque' in spots['short_travel'].effects
+    found = {s.code: s for s in blind_spots(fitted({}), [record], (), ('cogging_torque',))}
+    assert 'cogging_torque' not in found['short_travel'].effects
+    assert 'cogging' not in found['short_travel'].words
+
+
+def test_an_arm_shows_its_weight_in_less_than_a_turn():
+    time = np.arange(6000) * 1e-3
+    record = driven(1.5 * np.sign(np.sin(2 * np.pi * 12 * time)))
+    assert all('gravity_load' not in s.effects for s in blind_spots(fitted({}), [record], ()))
 
 
 def test_an_effect_of_the_user_says_itself_what_hides_it(tmp_path):

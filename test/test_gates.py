@@ -105,6 +105,27 @@ def test_the_wrong_speed_sensor_is_found_out(differenced):
     assert with_better_sensor(rung, bench, rung.result.weighting) is rung
 
 
+def test_half_a_sample_that_passes_for_noise_is_told_by_the_errors():
+    """An input that is late is half a sample less so where speeds are differences."""
+    rng = np.random.default_rng(4)
+    drive = Record(
+        4e-3 * np.arange(4000), {'torque': np.repeat(rng.uniform(-12, 12, 200), 20)},
+        {'torque': 'N m'},
+    )  # fmt: skip
+    axis = Model.base('mechanical_axis', {'J': 0.2, 'b': 0.4})
+    run = simulate(axis.with_effect('input_delay', {'delay': 10.4e-3}), drive)
+    shown = run.outputs['speed'] + 0.01 * rng.standard_normal(4000)
+    record = drive.with_signal('speed', shown, 'rad/s')
+    bench = make_bench([record], [], axis.kind)
+    late = axis.with_effect('input_delay', {'delay': 8.4e-3})
+    wrong = climb(late.with_speed_sensor(SpeedSensor.DIFFERENCE), bench)
+    weighting = coloured(wrong.training.residuals, 12)
+    found = with_better_sensor(wrong, bench, weighting)
+    assert found.model.speed_sensor is SpeedSensor.IDEAL
+    assert found.model['input_delay.delay'] == pytest.approx(10.4e-3, rel=0.01)
+    assert with_better_sensor(found, bench, weighting) is found
+
+
 @pytest.mark.parametrize(
     ('key', 'stays'), [('speed_sensor_offset', True), ('coulomb_friction', False)]
 )

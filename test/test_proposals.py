@@ -80,6 +80,27 @@ def test_the_frequency_of_a_load_is_found(frequency):
     assert min(abs(f - frequency) for f in best) < 0.05
 
 
+def test_the_frequency_of_a_load_is_found_where_only_counts_of_a_position_are_recorded():
+    """Runs over short pieces set in anew: waves at other frequencies explain their errors, too."""
+    dt, inertia, drag, frequency = 4e-3, 5.9, 4.2, 2.13
+    time = np.arange(5000) * dt
+    force = np.repeat(np.random.default_rng(3).uniform(-30, 30, 100), 50)
+    fine = np.repeat(force, 4) + 7 * np.sin(2 * np.pi * frequency * np.arange(20_000) * dt / 4)
+    speed = np.zeros(fine.size)
+    for k in range(1, fine.size):
+        speed[k] = speed[k - 1] + dt / 4 * (fine[k - 1] - drag * speed[k - 1]) / inertia
+    position = np.round(np.cumsum(speed)[::4] * dt / 4 / 2e-6) * 2e-6
+    record = Record(time, {'force': force, 'position': position}, {'force': 'N', 'position': 'm'})
+    model = Model.base('mechanical_axis', {'J': inertia, 'b': drag}, linear=True)
+    chain = make_chain(record, model.kind, ('position',), horizon=2.5)
+    problem = Problem(model, [chain], ('position',))
+    near = problem.linearize(problem.vector())
+    scales = scales_of('mechanical_axis', model.parameters.values(), [record])
+    load = catalogue()['periodic_load']
+    best = proposals(problem, near, [record], [load], scales)['periodic_load']
+    assert min(abs(f - frequency) for f in best) < 0.01
+
+
 def test_the_order_of_a_ripple_is_found_under_currents_of_both_signs():
     record = a_record(ripple=0.1, ripple_order=12.0)
     assert 12.0 in proposed('torque_ripple', [record])

@@ -35,7 +35,7 @@ from motor_sysid.diagnosis.verdict.verdict import (
 from motor_sysid.diagnosis.where import predictable, remainder
 from motor_sysid.diagnosis.where.remainder import examine_remainder, Remainder
 from motor_sysid.physics.effects import effect
-from motor_sysid.physics.model import Model
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.parameters import Parameter, ParameterSet
 from motor_sysid.physics.scales import scales_of
@@ -309,6 +309,8 @@ def test_the_other_name_is_told():
         assert 'constant load torque is the same law as speed sensor offset' in line
         known = fitted(key).with_free(['current_offset'], free=False)
         assert other_names(known) == []
+    counts = fitted('constant_load_torque').with_speed_sensor(SpeedSensor.DIFFERENCE)
+    assert other_names(counts) == []
 
 
 def test_a_dead_time_that_brushes_may_make_is_told_as_both():

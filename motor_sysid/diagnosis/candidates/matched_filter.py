@@ -361,6 +361,16 @@ def _is_line(gains: Array, k: int, width: float) -> bool:
     return bool(near.size == 0 or gains[k] > CLEAR * np.median(near))
 
 
+def clearest_line(values: Array, dt: float) -> tuple[float, ...]:
+    """Return the frequency in Hz of the line of (N,) values that stands out most, if one does."""
+    size = values.size
+    gains = np.abs(np.fft.rfft((values - np.mean(values)) * np.hanning(size), 2 * size)) ** 2
+    gains[: round(2 * _CYCLES)] = gains[round(2 * size * HIGHEST) :] = 0.0
+    proud = np.where(_peaks(gains), gains / np.maximum(surroundings(gains, _BESIDE), 1e-300), 0.0)
+    k = int(np.argmax(proud))
+    return (_summit(gains, k) / (2 * size * dt),) if _is_line(gains, k, 0.5) else ()
+
+
 def _summit(gains: Array, k: int) -> float:
     """Return the place of the peak of a parabola through the logarithms around `k`."""
     left, middle, right = np.log(gains[k - 1 : k + 2] + 1e-300)

@@ -2,8 +2,8 @@
 
 Moments are looked for in the unexplained force, where the gain of a law that sets in at any moment
 is one pass over the data; waves per turn and frequencies by a matched filter
-(`motor_sysid.diagnosis.candidates.matched_filter`), and waves per turn in the unexplained force,
-too.  What stands out is then tried in simulation like any other start.
+(`motor_sysid.diagnosis.candidates.matched_filter`), and both in the unexplained force, too.
+What stands out is then tried in simulation like any other start.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.matched_filter import (
     carrier_of,
+    clearest_line,
     fewest,
     highest,
     law_along,
@@ -110,7 +111,8 @@ def proposals(
         elif card.frequency:
             likely = (matched().frequencies(force, 4 * FREQUENCIES), plain().frequencies(force, 4))
             own = [[f for f in some if not rhythms().has(f)] for some in likely]
-            found[one.key] = tuple(dict.fromkeys((*own[0][:FREQUENCIES], *own[1][:1])))
+            swings = (f for f in _swinging(lacks(force)) if not rhythms().has(f))
+            found[one.key] = tuple(dict.fromkeys((*own[0][:FREQUENCIES], *own[1][:1], *swings)))
     return found
 
 
@@ -140,6 +142,16 @@ def _turning(
     if not np.all(np.isfinite(gains)):
         return ()
     return highest(gains, fewest(one), PROUD)[:2]
+
+
+def _swinging(lacks: Sequence[_Lack]) -> tuple[float, ...]:
+    """Return the frequency in Hz of the clearest line of the unexplained force, if there is one.
+
+    Where the model is run over many short pieces, a load sets in anew with each, and in the output
+    error slow waves at other frequencies look much like it.
+    """
+    longest = max(lacks, key=lambda lack: lack.time.size, default=None)
+    return () if longest is None else clearest_line(longest.force, longest.dt)
 
 
 def _waves(model: Model, one: Effect) -> set[int]:

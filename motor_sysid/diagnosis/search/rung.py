@@ -234,7 +234,8 @@ def with_better_sensor(
 
     An effect could otherwise win by the sensor that was tried with it.  One that is `scored`, and
     that the other sensor has no room for, as counts have none for an offset, may explain what that
-    sensor only seems to.
+    sensor only seems to.  What half a sample does is noise to a noise model of so many samples:
+    where one sensor leaves clearly less and the evidence for either is much the same, it is taken.
     """
     best, now = rung, profile_cost(rung, bench, weighting)[0]
     least = now - bench.threshold
@@ -249,8 +250,9 @@ def with_better_sensor(
             continue
         other = climb(brief.model, bench, weighting)
         cost = profile_cost(other, bench, weighting)[0]
-        if cost < most and np.isfinite(other.held.error_percent):
-            best, least = other, cost
+        clearly = other.training.error_percent < ASTRAY * best.training.error_percent
+        if (cost < most or clearly) and np.isfinite(other.held.error_percent):
+            best, least = other, min(cost, least)
     return best
 
 

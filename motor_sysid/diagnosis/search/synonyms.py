@@ -13,14 +13,14 @@ MOTION = {'omega', 'theta', 'turn', 'domega'}
 def is_other_name(one: Effect, model: Model) -> bool:
     """Whether an effect that is another one under another name is that in this model, too.
 
-    What a wrong zero of a sensor does is a load only where nothing else depends on the motion and
-    an offset of the current makes up for the rest.
+    What a wrong zero of a sensor does is a load only where that sensor has a zero, nothing else
+    depends on the motion and an offset of the current makes up for the rest.
     """
     names = {one.key, *one.card.sum_of}
     others = [model.effect(key) for key in model.effects if key not in names]
     known = any(p.name == 'current_offset' and not p.free for p in model.parameters)
     moving = any(other.needs() & MOTION for other in others)
-    return not (model.kind.frame or known or moving)
+    return model.admits(one) and not (model.kind.frame or known or moving)
 
 
 def other_names(model: Model, rivals: Collection[str] = ()) -> list[str]:

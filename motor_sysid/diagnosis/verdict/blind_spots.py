@@ -62,7 +62,10 @@ class _Found:
 
 
 def blind_spots(
-    model: Model, records: Sequence[Record], warnings: Sequence[str]
+    model: Model,
+    records: Sequence[Record],
+    warnings: Sequence[str],
+    seen: Sequence[str] = (),
 ) -> tuple[BlindSpot, ...]:
     """Return what the excitation does not show.
 
@@ -74,9 +77,13 @@ def blind_spots(
         What was recorded.
     warnings:
         What the fit says about parameters that it cannot determine.
+    seen:
+        Effects that were found: these data do show them.
     """
     vague = undetermined(model, warnings)
-    known = {key: one for key, one in catalogue().items() if _sensible(model, key)}
+    known = {
+        key: one for key, one in catalogue().items() if key not in seen and _sensible(model, key)
+    }
     spots = []
     for found in (*_from_checks(records), *_from_model(model, records, vague)):
         lost = _PARAMETERS[found.code]

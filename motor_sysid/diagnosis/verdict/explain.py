@@ -50,7 +50,9 @@ def explained(
         if named
         else (),
         wrong_parameters=wrong_parameters(ladder[0], ladder[-1]) if clear else (),
-        blind_spots=blind_spots(ladder[0].model, diagnosis.records, diagnosis.warnings),
+        blind_spots=blind_spots(
+            ladder[0].model, diagnosis.records, diagnosis.warnings, ladder[-1].model.effects
+        ),
         rivalries=rivalries_of(ladder, rivals, diagnosis.records, compared) if named else (),
         experiment=words.experiment(verdict, rivals),
     )

@@ -17,7 +17,6 @@ CARD = Card(
     ),
     axis='position',
     rotary=True,
-    hidden_by=('short_travel',),
 )
 
 
