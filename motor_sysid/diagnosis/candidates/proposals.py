@@ -111,7 +111,9 @@ def proposals(
         elif card.frequency:
             likely = (matched().frequencies(force, 4 * FREQUENCIES), plain().frequencies(force, 4))
             own = [[f for f in some if not rhythms().has(f)] for some in likely]
-            swings = (f for f in _swinging(lacks(force)) if not rhythms().has(f))
+            pieces = len(problem.stretches) > len(records)
+            lines = _swinging(lacks(force)) if pieces else ()
+            swings = (f for f in lines if not rhythms().has(f))
             found[one.key] = tuple(dict.fromkeys((*own[0][:FREQUENCIES], *own[1][:1], *swings)))
     return found
 
