@@ -91,7 +91,7 @@ def blind_spots(
         effects = tuple(
             key for key, one in known.items()
             if found.code in one.card.hidden_by
-            and not (found.code == 'no_current' and model.admits(one))
+            and model.admits(one) != (found.code == 'no_current')
         )  # fmt: skip
         tail = _consequence(parameters, effects, alike=found.code in _ALIKE)
         spots.append(

@@ -172,7 +172,7 @@ def shapes(found: Sequence[Unknown]) -> list[str]:
         axes.add(one.axis)
         if one.axis or one.rms > 1.2 * one.noise:
             lines.append(one.words)
-    return lines or ['It shows on no axis of the unexplained torque and voltage.']
+    return lines or ['It shows on no axis of what is unexplained.']
 
 
 def insufficient(
