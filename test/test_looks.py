@@ -41,7 +41,8 @@ def positions(seconds: float, load: float = 0.0, **effects: dict[str, float]) ->
 def test_what_is_left_of_many_short_looks_is_looked_at_as_one(load, effects, verdict):
     """No look is long enough to tell a random load from missing physics; all of them are.
 
-    The load leaves 2 to 15 % of a free run, as it comes; beyond 10 % it is told as unknown.
+    The load leaves 2 to 15 % of a free run, as it comes; beyond 10 % it is told as unknown.  What
+    friction and drag leave is above the 1 % that counts as a trifle.
     """
     record = positions(40.0 if load else 30.0, load, **effects)
     found = diagnose([record], motor='mechanical_axis', effects=['constant_load_torque'])

@@ -61,28 +61,28 @@ def compare(
     the model lacks for noise of the start, of which many short runs average out in the latter.
     """
     problem = Problem(model, chains, outputs, substeps=substeps)
-    near = problem.linearize(problem.vector(), parameters=False)
-    found = [one.residual for one in near]
-    if 'position' in outputs and not as_measured:
-        noise = white(found)
-        found = [
-            problem.settled(one, noise, _spread(stretch, model.kind.states))
-            for one, stretch in zip(near, problem.stretches, strict=True)
-        ]
-    return comparison_of(found, problem)
+    z, stretches = problem.vector(), problem.stretches
+    if as_measured or 'position' not in outputs:
+        runs = zip(stretches, problem.simulate(z[np.newaxis, :]), strict=True)
+        return comparison_of([one.judged - run[:, :, 0] for one, run in runs], problem)
+    near = problem.linearize(z, parameters=False)
+    noise = white([one.residual for one in near])
+    likely = [
+        problem.settled(one, noise, _spread(stretch, model.kind.states))
+        for one, stretch in zip(near, stretches, strict=True)
+    ]
+    return comparison_of(likely, problem)
 
 
 def _spread(stretch: Stretch, states: Sequence[str]) -> Array:
     """Return (m,) standard deviations of the open initial states, in units of their sizes.
 
-    The speed is a central difference of the position; a current may be anything.
+    These are the position and the speed, its central difference.
     """
     count = stretch.drive.count / np.sqrt(12.0)
     angle = max(noise_sigma(stretch.record['position']), count)
     known = {'theta': angle, 'omega': angle / (np.sqrt(2.0) * stretch.drive.dt)}
-    return np.array(
-        [known.get(states[j], np.inf) / stretch.state_size[j] for j in stretch.open_states]
-    )
+    return np.array([known[states[j]] / stretch.state_size[j] for j in stretch.open_states])
 
 
 def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:

@@ -28,7 +28,7 @@ _BROKEN = 0.05
 """How far it may be off where samples are not coarse, as a share of how the signal varies: that is
 a step within the samples, or the current that answers to one."""
 _EXACTLY = 1.5
-"""The same, in units of the noise, where it must be as near as that."""
+"""How many times the noise it may be off where it must be as near as that."""
 _WINDOW, _RUN_IN = 1500, 100
 _WORTH_THINNING = 1.5
 PIECE, _PAIRS = 500, 4
@@ -299,7 +299,8 @@ def _value_at(values: Array, index: int, *, coarse: bool, exactly: bool = False)
 
     Through as many of them as one fits; if none does, it is the sample itself.  Of a speed that
     was sampled so `coarse` that a motor may settle from one sample to the next, one fits that is
-    as near as the noise; of others, one that is not broken by a step.
+    as near as the noise; of others, one that is not broken by a step.  Where the value must be
+    known `exactly`, one fits that is no further off than noise is.
     """
     near = values[max(index - _NEAR, 0) : index + _NEAR]
     noise = _noise_of(near)

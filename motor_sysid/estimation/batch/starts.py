@@ -48,7 +48,8 @@ def _begun(
     state = stretch.state
     for output, effects in sensing:
         place = kind.states.index(output.state)
-        if stretch.state[place] != 0.0 and output.signal in stretch.record:
+        read = place in stretch.open_states or stretch.state[place] != 0.0  # else it is at rest
+        if read and output.signal in stretch.record:
             known: dict[str, Array | float] = {**table, **_seen(kind, stretch)}
             offset, high = (
                 _added(effects, output.signal, {**known, output.state: at}) for at in (0.0, 1.0)

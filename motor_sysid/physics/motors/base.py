@@ -306,8 +306,9 @@ def integral_regression(records: Sequence[Record], columns: Columns, cut: int = 
 
 
 def inertia_and_friction(records: Sequence[Record], columns: Columns) -> tuple[float, float]:
-    """Read J and b from a torque balance, whose regressors are speed gained, angle and time.
+    """Read J (kg m^2, at least 1e-9) and b (N m s/rad) from a torque balance.
 
+    Its regressors, see `integral_regression`, are the speed gained, the angle, and the time.
     Over windows that are longer than J/b the inertia does little, and a load that pulls back, as
     gravity does, passes for a negative one.  So windows get shorter until they are within it.
     """
