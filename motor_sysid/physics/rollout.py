@@ -65,12 +65,9 @@ class Program:
         Every parameter, motor first; and the places of input delays among them.
     memory_offsets:
         Where the own states of effects lie in a workspace's buffer (first of 32 lanes each).
-    has_sensors:
-        Whether a law adds to what a sensor shows.
-    reads_angle:
-        Whether a law depends on the angle of the shaft.
-    tells_angle:
-        Whether an output does.
+    has_sensors, reads_angle, tells_angle:
+        Whether a law adds to what a sensor shows, whether one depends on the angle of the shaft,
+        and whether an output does.
     pace:
         How many steps a sample takes.
     """
@@ -225,7 +222,7 @@ class Program:
         drives:
             Inputs of each stretch.
         initials:
-            For each stretch (P, n) initial states, or (n,) for all.
+            For each stretch (P, n) initial states, or (n,) for all; or more of them, see `begin`.
         restarts:
             Numbers of stretches at which own states begin anew, as they do at the first.
         pushes:
@@ -245,7 +242,7 @@ class Program:
         table = np.empty((len(self.names), size))
         for row, name in enumerate(self.names):
             table[row] = values[name]
-        states = [np.broadcast_to(x, (size, len(self.kind.states))) for x in initials]
+        states = [np.broadcast_to(x, (size, x.shape[-1])) for x in initials]
         blocks = [slice(k, min(k + LANES, size)) for k in range(0, size, LANES)]
         top = max(drive.speed for drive in drives)
         substeps = max(substeps, self.pace.parts(table, drives[0].dt))
@@ -295,11 +292,10 @@ class Program:
         workspace = self.workspace(table, drives[0].dt, *cut)
         results: list[Array] = []
         for drive, start, push in zip_longest(drives, states, pushes):
-            x = np.empty((len(self.kind.states), LANES))
-            x[:, :used] = start.T
-            x[:, used:] = start.T[:, :1]
+            x = np.ascontiguousarray(start[np.arange(LANES) * (np.arange(LANES) < used)].T)
             if len(results) in restarts:
                 self.begin(workspace, x)
+            x = x[: len(self.kind.states)]
             workspace.rest()
             outputs = np.empty((drive.inputs.shape[0], len(self.outputs), LANES))
             seen = drive.led_in() if self.delays and push is None else drive
@@ -338,11 +334,15 @@ class Program:
         return Workspace(matrices, width, wide, coarse, late, buffer, core)
 
     def begin(self, workspace: Workspace, x: Array) -> None:
-        """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow."""
+        """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow.
+
+        Rows after these n are what those begin with instead, in their order.
+        """
         for offset in self.memory_offsets:
             workspace.buffer[offset : offset + LANES] = 0.0
-        for offset, core in self._begins:
-            workspace.buffer[offset : offset + LANES] = x[core]
+        n = len(self.kind.states)
+        for k, (offset, core) in enumerate(self._begins):
+            workspace.buffer[offset : offset + LANES] = x[n + k if len(x) > n else core]
 
     def advance(
         self,

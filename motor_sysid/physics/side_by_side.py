@@ -214,7 +214,8 @@ def _run_pack(
     `joined` are all drives as one, older inputs with them, and the row at which each begins.
     """
     whole, rows = joined
-    x, begins = np.zeros((len(program.kind.states), LANES)), np.zeros(LANES)
+    n, begins = len(program.kind.states), np.zeros(LANES)
+    x = np.zeros((states[0].shape[1], LANES))
     places = np.zeros((3, LANES), dtype=np.int64)
     for slot, piece in enumerate(pack):
         lanes, number = slice(slot * size, (slot + 1) * size), piece.stretch
@@ -228,7 +229,7 @@ def _run_pack(
     program.begin(workspace, x)
     workspace.rest()
     outputs = np.empty((len(pack[0]), len(program.outputs), LANES))
-    program.advance(workspace, x, whole, substeps, outputs, lanes=(places, begins))
+    program.advance(workspace, x[:n], whole, substeps, outputs, lanes=(places, begins))
     return outputs
 
 

@@ -137,6 +137,7 @@ class _Loop:
         self.workspace = self.program.workspace(table, self.dt, SUBSTEPS)
         self.state = np.repeat(start[:, np.newaxis], LANES, axis=1)
         self.program.begin(self.workspace, self.state)
+        self.state = self.state[: len(model.kind.states)]
         self.omega, self.theta = (model.kind.states.index(n) for n in ('omega', 'theta'))
 
     def run(self) -> Array:

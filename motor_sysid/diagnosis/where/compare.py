@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
 from motor_sysid.estimation.batch import Chain, Problem, white
 from motor_sysid.estimation.batch.chains import Stretch
+from motor_sysid.physics.effect import SPEED_SENSOR
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.noise import noise_sigma
@@ -56,32 +57,47 @@ def compare(
 ) -> Comparison:
     """Run a model over chains from the measured initial state and take the errors.
 
-    Counts of a position tell the speed but roughly; where that is an output, the most likely
-    initial state is taken, unless that `as_measured` is asked for.  The former takes some of what
-    the model lacks for noise of the start, of which many short runs average out in the latter.
+    Counts of a position tell the speed but roughly, and a filter what it is fed; where that is so,
+    the most likely initial state is taken, unless that `as_measured` is asked for.  The former
+    takes some of what the model lacks for noise of the start, of which many short runs average out
+    in the latter.
     """
     problem = Problem(model, chains, outputs, substeps=substeps)
     z, stretches = problem.vector(), problem.stretches
-    if as_measured or 'position' not in outputs:
+    late = _late(model)
+    if as_measured or not ('position' in outputs or late):
         runs = zip(stretches, problem.simulate(z[np.newaxis, :]), strict=True)
         return comparison_of([one.judged - run[:, :, 0] for one, run in runs], problem)
     near = problem.linearize(z, parameters=False)
     noise = white([one.residual for one in near])
     likely = [
-        problem.settled(one, noise, _spread(stretch, model.kind.states))
+        problem.settled(one, noise, _spread(stretch, model.kind.states, late))
         for one, stretch in zip(near, stretches, strict=True)
     ]
     return comparison_of(likely, problem)
 
 
-def _spread(stretch: Stretch, states: Sequence[str]) -> Array:
+def _late(model: Model) -> float:
+    """Return by how much the speed is shown late, s: the time constant of its filter, or 0."""
+    mine = (model.effect(key) for key in model.effects)
+    filters = [one for one in mine if one.card.filter and SPEED_SENSOR in one.laws]
+    return sum(model[f'{one.key}.{one.card.filter}'] for one in filters)
+
+
+def _spread(stretch: Stretch, states: Sequence[str], late: float) -> Array:
     """Return (m,) standard deviations of the open initial states, in units of their sizes.
 
-    These are the position and the speed, its central difference.
+    These are the position, and the speed: a central difference of positions, or what is shown and
+    as much more as that changes while it is `late` (s).
     """
-    count = stretch.drive.count / np.sqrt(12.0)
-    angle = max(noise_sigma(stretch.record['position']), count)
-    known = {'theta': angle, 'omega': angle / (np.sqrt(2.0) * stretch.drive.dt)}
+    record, dt = stretch.record, stretch.drive.dt
+    known = dict[str, float]()
+    if 'position' in record:
+        count = stretch.drive.count / np.sqrt(12.0)
+        known['theta'] = max(noise_sigma(record['position']), count)
+        known['omega'] = known['theta'] / (np.sqrt(2.0) * dt)
+    if 'speed' in record:
+        known['omega'] = noise_sigma(record['speed']) * max(late / dt, 1.0)
     return np.array([known[states[j]] / stretch.state_size[j] for j in stretch.open_states])
 
 

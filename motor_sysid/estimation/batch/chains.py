@@ -50,6 +50,9 @@ class Stretch:
         (N, n_y) measured outputs.
     state:
         (n,) initial state read from the data.
+    rate:
+        (n,) how fast what was read changes there, per s; zero of what was not read, or is broken
+        by a step.
     open_states:
         Indices of the states whose initial value is uncertain; the best ones are used.
     state_size:
@@ -67,6 +70,7 @@ class Stretch:
     drive: Drive
     measured: Array
     state: Array
+    rate: Array
     open_states: tuple[int, ...]
     state_size: Array
     scored_from: int = 0
@@ -270,37 +274,41 @@ def _stretch(
     head = speed[first : first + max(int(_REST_TIME / even.dt), 3)]
     told = first == 0 or 'speed' in even
     at_rest = told and bool(np.all(np.abs(head) <= 1e-3 * top))
-    state, size = np.zeros(len(kind.states)), np.ones(len(kind.states))
+    (state, slope), size = np.zeros((2, len(kind.states))), np.ones(len(kind.states))
     still_open: list[int] = []
     coarse = 'speed' in record and even.dt > _COARSE
     shown = {o.state: o.signal for o in kind.outputs if o.state in kind.currents}
     for j, name in enumerate(kind.states):
         if name == 'omega' and not at_rest:
-            state[j], size[j] = _value_at(speed, first, coarse=coarse), 1e-3 * top
+            state[j], slope[j] = _value_at(speed, first, coarse=coarse)
+            size[j] = 1e-3 * top
             still_open.append(j)
         elif name == 'theta' and 'position' in record:
-            state[j] = _value_at(even['position'], first, coarse=coarse)
+            state[j], slope[j] = _value_at(even['position'], first, coarse=coarse)
             if 'position' in outputs:
                 size[j] = 1e-3 * float(np.std(even['position'])) + 1e-12
                 still_open.append(j)
         elif name in shown and shown[name] in record and not at_rest:
-            state[j] = _value_at(
+            state[j], slope[j] = _value_at(
                 even[shown[name]], first, coarse=coarse, exactly='position' in outputs
             )
     mine = drive.part(first, last)
     own = tuple(one and one.part(first, last) for one in sampling)
     return Stretch(
-        record, mine, measured, state, tuple(still_open), size, scored_from, limits, own
+        record, mine, measured, state, slope / even.dt, tuple(still_open), size, scored_from,
+        limits, own,
     )
 
 
-def _value_at(values: Array, index: int, *, coarse: bool, exactly: bool = False) -> float:
-    """Value of a noisy signal at a sample: a parabola through its surroundings.
+def _value_at(
+    values: Array, index: int, *, coarse: bool, exactly: bool = False
+) -> tuple[float, float]:
+    """Value of a noisy signal at a sample and its slope: of a parabola through its surroundings.
 
-    Through as many of them as one fits; if none does, it is the sample itself.  Of a speed that
-    was sampled so `coarse` that a motor may settle from one sample to the next, one fits that is
-    as near as the noise; of others, one that is not broken by a step.  Where the value must be
-    known `exactly`, one fits that is no further off than noise is.
+    Through as many of them as one fits; if none does, it is the sample itself, and no slope.  Of a
+    speed that was sampled so `coarse` that a motor may settle from one sample to the next, one
+    fits that is as near as the noise; of others, one that is not broken by a step.  Where the
+    value must be known `exactly`, one fits that is no further off than noise is.
     """
     near = values[max(index - _NEAR, 0) : index + _NEAR]
     noise = _noise_of(near)
@@ -314,8 +322,8 @@ def _value_at(values: Array, index: int, *, coarse: bool, exactly: bool = False)
         fitted = np.polynomial.Polynomial.fit(rows, around, degree)
         left = float(np.sum((around - fitted(rows)) ** 2)) / max(around.size - degree - 1, 1)
         if left <= limit**2:
-            return float(fitted(index))
-    return float(values[index])
+            return float(fitted(index)), float(fitted.deriv()(index))
+    return float(values[index]), 0.0
 
 
 def _noise_of(values: Array) -> float:

@@ -166,12 +166,10 @@ class Problem:
         for _, group in groupby(self.chains, key=lambda chain: chain[0].drive.dt):
             chains = list(group)
             stretches = [stretch for chain in chains for stretch in chain]
-            begins = starts_of(self.model, table, stretches)
             runs = self.program.run_chain(
                 table,
                 [s.drive for s in stretches],
-                [b if shifts is None else b + shifts * s.state_size
-                 for b, s in zip(begins, stretches, strict=True)],
+                starts_of(self.model, table, stretches, shifts),
                 restarts=list(accumulate(len(chain) for chain in chains)),
                 substeps=self.substeps,
                 threads=self.threads,
