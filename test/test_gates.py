@@ -114,7 +114,7 @@ def test_half_a_sample_that_passes_for_noise_is_told_by_the_errors():
     )  # fmt: skip
     axis = Model.base('mechanical_axis', {'J': 0.2, 'b': 0.4})
     run = simulate(axis.with_effect('input_delay', {'delay': 10.4e-3}), drive)
-    shown = run.outputs['speed'] + 0.01 * rng.standard_normal(4000)
+    shown = run.outputs['speed'] + 0.001 * rng.standard_normal(4000)
     record = drive.with_signal('speed', shown, 'rad/s')
     bench = make_bench([record], [], axis.kind)
     late = axis.with_effect('input_delay', {'delay': 8.4e-3})

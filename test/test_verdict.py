@@ -25,7 +25,7 @@ from motor_sysid.diagnosis.search.ranking import (
 )
 from motor_sysid.diagnosis.search.synonyms import other_names
 from motor_sysid.diagnosis.search.trial import searching, Trial
-from motor_sysid.diagnosis.verdict.evidence import as_trifles, notes_of
+from motor_sysid.diagnosis.verdict.evidence import as_trifles, half_a_sample, notes_of
 from motor_sysid.diagnosis.verdict.verdict import (
     besides,
     contested,
@@ -327,9 +327,35 @@ def test_a_dead_time_that_brushes_may_make_is_told_as_both():
 
 @pytest.mark.parametrize('named', [True, False])
 def test_what_a_fit_says_of_a_model_that_is_not_shown_is_not_told(named):
-    said = [SimpleNamespace(unidentifiable=[f'{k} a'], warnings=[f'{k} b']) for k in (0, 1)]
+    model = fitted('coulomb_friction')
+    said = [
+        SimpleNamespace(unidentifiable=[f'{k} a'], warnings=[f'{k} b'], model=model)
+        for k in (0, 1)
+    ]
     ladder = [(SimpleNamespace(result=result), []) for result in said]
-    assert notes_of(ladder, named=named) == (f'{named:d} a', f'{named:d} b')
+    bench = SimpleNamespace(records=[{}], outputs=('speed',), sensors=tuple(SpeedSensor))
+    assert notes_of(ladder, bench, named=named) == (f'{named:d} a', f'{named:d} b')
+
+
+def test_half_a_sample_is_told_where_nothing_but_the_speed_tells():
+    record = Record(np.arange(3) * 4e-3, {'speed': np.zeros(3)}, UNITS)
+    units = {**UNITS, 'position': 'rad'}
+    beside = Record(record.time, dict.fromkeys(('speed', 'position'), np.zeros(3)), units)
+    late = fitted('input_delay')
+    both = SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE
+    bench = SimpleNamespace(records=[record], outputs=('speed',), sensors=both)
+    (words,) = half_a_sample(late, bench)
+    assert 'of the moment; if it is its mean' in words
+    assert 'input_delay.delay is 2 ms shorter' in words
+    (words,) = half_a_sample(late.with_speed_sensor(SpeedSensor.DIFFERENCE), bench)
+    assert 'input_delay.delay is 2 ms longer' in words
+    known = [
+        SimpleNamespace(records=[beside], outputs=('speed',), sensors=both),
+        SimpleNamespace(records=[record], outputs=('current', 'speed'), sensors=both),
+        SimpleNamespace(records=[record], outputs=('speed',), sensors=both[:1]),
+    ]
+    assert [half_a_sample(late, one) for one in known] == [(), (), ()]
+    assert half_a_sample(fitted('coulomb_friction'), bench) == ()
 
 
 # --- what is doubted

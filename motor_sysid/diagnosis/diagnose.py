@@ -7,6 +7,7 @@ import numpy as np
 
 from motor_sysid.diagnosis.calibration.calibration import threshold_for
 from motor_sysid.diagnosis.calibration.situation import situation_of
+from motor_sysid.diagnosis.early_input import with_early_input
 from motor_sysid.diagnosis.engine import Engine, Progress
 from motor_sysid.diagnosis.lending import better_with_half_lent, shows_only_there
 from motor_sysid.diagnosis.odd_record import without_odd_record
@@ -114,6 +115,9 @@ def diagnose(
     if shows_only_there(found):
         found = better_with_half_lent(found, search.anew(records, held, lent=True))
     found = without_odd_record(found, bench, records, held, search.anew, tell)
+    found = with_early_input(
+        found, records, held, settings.validation_fraction, nominal, tell
+    )
     found = replace(found, warnings=(*notes, *found.warnings))
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
     found = with_what_data_may_hide(found, odd, beyond_training(bench.train_free, bench.held_free))

@@ -20,13 +20,12 @@ from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
 from motor_sysid.diagnosis.search.prune import led_out, pruned, relieved
 from motor_sysid.diagnosis.search.ranking import (
+    chosen,
     doubts,
     holds_its_own,
-    may_rival,
     rivals_alone,
     rivals_left,
     rivals_of,
-    winner_of,
 )
 from motor_sysid.diagnosis.search.retelling import retold
 from motor_sysid.diagnosis.search.rounds import (
@@ -82,8 +81,10 @@ class Engine:
         tell: Progress,
         nominal: Mapping[str, float],
     ) -> None:
-        self.bench, self.candidates, self.settings, self.tell = bench, candidates, settings, tell
-        self.nominal = nominal
+        self.bench, self.settings, self.tell, self.nominal = bench, settings, tell, nominal
+        self.candidates = [
+            c for c in candidates if bench.filtered is not False or not c.filters_speed
+        ]
         self.gains: dict[str, float] = {}
         self.compared: dict[tuple[str, str], Compared] = {}
         self.notes: list[str] = []
@@ -167,8 +168,8 @@ class Engine:
 
         What else does as well is noted in `rivals`.
         """
-        winner = winner_of([t for t in trials if t.passes])
-        rivals[winner.key] = rivals_of(winner, [t for t in trials if may_rival(t, winner)], rung)
+        winner, equals = chosen(trials, rung, filtered=self.bench.filtered)
+        rivals[winner.key] = equals
         self.gains[winner.key] = winner.delta_bic
         self.tell(
             f'adding {winner.scored.variant.effect.card.title}: held-out error '
@@ -378,7 +379,7 @@ class Engine:
             reasons=(),
             records=self.bench.records,
             roles=self.bench.roles,
-            warnings=(*notes_of(ladder, named=named), *self.notes)
+            warnings=(*notes_of(ladder, self.bench, named=named), *self.notes)
             + ((besides(torn, final),) if named and torn else ()),
         )
         found = explained(found, steps, left, rivals, self.nominal, self.compared)

@@ -7,7 +7,7 @@ from motor_sysid.diagnosis.engine import Engine
 from motor_sysid.diagnosis.fitting import bare, bench_of, fit_model
 from motor_sysid.diagnosis.result.result import Step
 from motor_sysid.diagnosis.search.integration_steps import refined
-from motor_sysid.diagnosis.search.ranking import may_rival, rivals_of, winner_of
+from motor_sysid.diagnosis.search.ranking import chosen
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.verdict.evidence import step_of
 from motor_sysid.physics.effects import catalogue, effect
@@ -60,7 +60,7 @@ def one_round(
     engine = Engine(bench, candidates, settings, progress or (lambda text: None), {})
     rung, trials = engine.round(rung, bare(rung, bench))
     rivals = {}
-    if passing := [t for t in trials if t.passes]:
-        best = winner_of(passing)
-        rivals[best.key] = rivals_of(best, [t for t in trials if may_rival(t, best)], rung)
+    if any(t.passes for t in trials):
+        best, equals = chosen(trials, rung, filtered=bench.filtered)
+        rivals[best.key] = equals
     return step_of(rung, trials, rivals, bench)

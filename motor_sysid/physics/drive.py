@@ -44,7 +44,7 @@ class Drive:
         (N,) how far the position lies ahead, rad, if it is the sum of a speed and that speed is
         one of the moment; or empty.
     before:
-        What came just before, if that is known: delays reach back to it.
+        What came just before, if that is known: delays reach back to it, else to the first input.
     """
 
     inputs: Array
@@ -101,6 +101,15 @@ class Drive:
             ahead=self.ahead[first:last],
             before=before,
         )
+
+    def from_nothing(self) -> 'Drive':
+        """Return the drive with no input before it, if nothing tells what came before."""
+        if self.before is not None:
+            return self
+        position, ahead = (np.repeat(v[:1], REACH) for v in (self.position, self.ahead))
+        inputs, start = np.zeros((REACH, self.inputs.shape[1])), self.start - REACH * self.dt
+        still = replace(self, inputs=inputs, start=start, position=position, ahead=ahead)
+        return replace(self, before=still)
 
     def led_in(self) -> 'Drive':
         """Return the drive with what came before it in front."""

@@ -329,6 +329,11 @@ class Effect:
     after: str = ''
     speed_sum: Law | None = None
 
+    @property
+    def filters_speed(self) -> bool:
+        """Whether it is a filter that the speed passes before it is shown."""
+        return bool(self.card.filter) and SPEED_SENSOR in self.laws
+
     def repeated(self) -> 'tuple[Effect, ...]':
         """Return the effect, and beside it each further time that a model may hold it."""
         found = [self]

@@ -171,8 +171,7 @@ class Model:
     @property
     def filters_speed(self) -> bool:
         """Whether the speed passes a filter, which may take sample by sample."""
-        mine = map(self.effect, self.effects)
-        return any(one.card.filter and 'speed_sensor' in one.laws for one in mine)
+        return any(one.filters_speed for one in map(self.effect, self.effects))
 
     def without_effect(self, key: str) -> 'Model':
         """Return the model with one effect less."""
@@ -218,6 +217,9 @@ def _effect_parameter(owner: Effect, card: Amplitude | Shape, scales: Scales | N
     if isinstance(card, Amplitude):
         reach = card.limit * size if scales else 1e12
         value, lower, upper, free = 0.0, 0.0 if card.positive else -reach, reach, True
+        if scales and owner.filters_speed and card.name == owner.card.filter:
+            lower, longest = scales.speed_filter
+            value, upper = lower, min(reach, longest)
     else:
         start = card.starts[0] if card.starts else card.lower
         value = start * size

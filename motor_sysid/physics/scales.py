@@ -14,7 +14,10 @@ from motor_sysid.signals.record import Record
 
 @dataclass(frozen=True)
 class Scales:
-    """RMS of torque, speed, current, voltage; sample time and duration in s; loss in W."""
+    """RMS of torque, speed, current, voltage; sample time and duration in s; loss in W.
+
+    And the shortest and longest time constant that a filter of the speed may have, s, if known.
+    """
 
     torque: float
     speed: float
@@ -23,6 +26,7 @@ class Scales:
     sample: float
     duration: float
     loss: float
+    speed_filter: tuple[float, float] = (0.0, math.inf)
 
     def size(self, scale: Scale) -> float:
         """Return the size that a parameter of that scale is measured by."""

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.physics.drive import Drive
-from motor_sysid.physics.effect import ARGUMENTS, arguments, Effect, SPEED_SENSOR, SUM
+from motor_sysid.physics.effect import ARGUMENTS, arguments, Effect, SUM
 from motor_sysid.physics.lanes import ROW_OF_FORCE
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.native import call_lanes, inlined, LANES
@@ -62,8 +62,7 @@ def kept_back(lag, dt):  # type: ignore[no-untyped-def]
 
 def is_stepwise(one: Effect, sensor: SpeedSensor) -> bool:
     """Whether an effect is a filter that such a speed sensor takes sample by sample."""
-    filters = bool(one.card.filter) and SPEED_SENSOR in one.laws
-    return filters and sensor is not SpeedSensor.IDEAL
+    return one.filters_speed and sensor is not SpeedSensor.IDEAL
 
 
 def summing(one: Effect, sensor: SpeedSensor) -> Effect:

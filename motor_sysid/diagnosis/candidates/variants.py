@@ -91,7 +91,9 @@ def _choices(
         size = scales.size(card.scale)
         if isinstance(card, Amplitude):
             if card.trials:
-                grids.append([(card.name, t * size) for t in card.trials])
+                box = scales.speed_filter if one.filters_speed else (0.0, np.inf)
+                tried = sorted({float(np.clip(t * size, *box)) for t in card.trials})
+                grids.append([(card.name, value) for value in tried])
         elif proposed and card.name in (one.card.orders, one.card.moment, one.card.frequency):
             grids.append([(card.name, float(value)) for value in proposed])
         elif isinstance(card, Shape) and card.name not in taken:

@@ -1,6 +1,6 @@
 """From records to a base model: which motor kind, which outputs, which sensors, how far ahead."""
 
-from collections.abc import Hashable, Mapping, Sequence, Set
+from collections.abc import Callable, Hashable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import product, starmap
@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
 from motor_sysid.diagnosis.search.held_back import parted
 from motor_sysid.diagnosis.search.motor_kind import remarks_on_values
 from motor_sysid.diagnosis.search.rotor_axes import OFFSET, with_axes
+from motor_sysid.diagnosis.search.speed_sensors import filter_box, is_filtered, speed_sensors
 from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
 from motor_sysid.errors import UserError
 from motor_sysid.estimation.batch import (
@@ -25,12 +26,14 @@ from motor_sysid.estimation.batch import (
     thinned,
 )
 from motor_sysid.physics.drive import input_signals
+from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.motors.base import Motor
 from motor_sysid.physics.motors.speed import measured_speed
 from motor_sysid.physics.scales import Scales, scales_of
 from motor_sysid.signals.hall import with_hall_position
+from motor_sysid.signals.lateness import speed_lateness
 from motor_sysid.signals.motion import with_motion
 from motor_sysid.signals.noisy_input import with_quiet_inputs
 from motor_sysid.signals.phases import with_third_current
@@ -45,7 +48,6 @@ SPEED_WIDTH, CURRENT_WIDTH = 0.005, 0.003
 
 Current changes within a millisecond, so a narrower sign would be stiffer than a sample can follow.
 """
-
 
 MIN_SAMPLES, MIN_PIECE = 200, 50
 """Fewest samples, of all records that are fitted together and of each, for a diagnosis."""
@@ -97,6 +99,8 @@ class Bench:
         Gain in BIC that evidence must have.
     offered:
         Effects that may be named; nothing, if all may.
+    filtered:
+        Whether the speed is filtered, if a position beside it tells.
     notes:
         What is to be said of the data, whatever is found.
     runs:
@@ -124,6 +128,7 @@ class Bench:
     wrong: float = 0.0
     threshold: float = UNCALIBRATED
     offered: Set[str] = frozenset()
+    filtered: bool | None = None
     notes: tuple[str, ...] = ()
     runs: dict[Hashable, tuple[tuple[Chain, ...], Sequence[Array]]] = field(
         default_factory=dict, compare=False, repr=False
@@ -143,6 +148,10 @@ class Bench:
             known += (SpeedSensor.SAMPLED,)
         others = [one for one in known if one is not model.speed_sensor]
         return [one for one in others if model.with_speed_sensor(one).is_sound]
+
+    def shows(self, key: str) -> bool:
+        """Whether signals show that there is such an effect, whatever models say."""
+        return bool(self.filtered) and effect(key).filters_speed
 
     def differenced(self, model: Model) -> list[bool]:
         """Return of each output whether its noise is that of differenced counts."""
@@ -238,7 +247,8 @@ def base_fit(
         model = with_rotor_held(model) if resting else model
         return Problem(model, chains, outputs)
 
-    return fit_multistart(*starmap(begun_at, product(_sensors(records, outputs), starts)))
+    sensors = speed_sensors(records, outputs, speed_lateness(records))
+    return fit_multistart(*starmap(begun_at, product(sensors, starts)))
 
 
 def make_bench(
@@ -284,35 +294,41 @@ def make_bench(
 
     sensors = sensors_of(everything, kind)
     cut_up = partial(make_chain, kind=kind, outputs=outputs, lent=lent, sensors=sensors)
-
-    def chains(ahead: float | None, scored: str) -> tuple[Chain, ...]:
-        made = (
-            cut_up(r, horizon=ahead, train_fraction=cut, scored=scored) for r, cut in parts
-        )
-        return tuple(chain for chain in made if chain)
-
-    fitting, held = chains(horizon, 'train'), chains(horizon, 'validate')
-    free = fitting if horizon is None else chains(None, 'train')
-    held_free = held if horizon is None else chains(None, 'validate')
+    fitting, held = _cut(parts, cut_up, horizon)
+    free, held_free = (fitting, held) if horizon is None else _cut(parts, cut_up, None)
     shown = [s for chain in (*free, *held_free) for s in chain if s.scored]
     count = sum(s.scored for chain in free for s in chain)
+    late, dt = speed_lateness(train) if 'speed' in outputs else None, train[0].dt
     scales = scales_of(kind.key, {**defaults, **values}, [r.uniform() for r in train])
     return Bench(
         kind, outputs, fitting, held, free, held_free,
         tuple(s.record.slice(s.scored_from, len(s.record)) for s in shown),
         ('train',) * count + ('validate',) * (len(shown) - count),
-        scales,
+        replace(scales, speed_filter=filter_box(late, dt)),
         horizon,
         thinned(fitting, kind, outputs, ROUGH_ROWS),
         thinned(fitting, kind, outputs, FEW_ROWS),
         tuple((len(r), share) for r, share in parts),
-        sensors=_sensors(train, outputs),
+        sensors=speed_sensors(train, outputs, late),
         begun=begun,
+        filtered=is_filtered(late, dt),
         blunt=_widths(kind, train),
         notes=remarks_on_values(kind, everything, {**defaults, **values})
         + _read_from_record(kind, begun, known)
         + said,
     )  # fmt: skip
+
+
+def _cut(
+    parts: Sequence[tuple[Record, float]], cut_up: Callable[..., Chain], horizon: float | None
+) -> tuple[tuple[Chain, ...], tuple[Chain, ...]]:
+    """Cut each record, with the share that is for fitting, into chains to fit and to judge on."""
+
+    def chains(scored: str) -> tuple[Chain, ...]:
+        cut = partial(cut_up, horizon=horizon, scored=scored)
+        return tuple(chain for r, share in parts if (chain := cut(r, train_fraction=share)))
+
+    return chains('train'), chains('validate')
 
 
 def _read_from_record(
@@ -359,9 +375,8 @@ def unit_of(record: Record) -> str:
 def with_scales(bench: Bench, model: Model) -> Bench:
     """Return the bench with scales measured by a fitted model."""
     records = [r for r, role in zip(bench.records, bench.roles, strict=True) if role == 'train']
-    return replace(
-        bench, scales=scales_of(bench.kind.key, model.parameters.values(), records)
-    )
+    scales = scales_of(bench.kind.key, model.parameters.values(), records)
+    return replace(bench, scales=replace(scales, speed_filter=bench.scales.speed_filter))
 
 
 def _widths(kind: Motor, records: Sequence[Record]) -> dict[str, float]:
@@ -382,16 +397,3 @@ def _inside(kind: Motor, values: Mapping[str, float]) -> dict[str, float]:
         for name, value in values.items()
         if name in boxes and np.isfinite(value)
     }
-
-
-def _sensors(records: Sequence[Record], outputs: Sequence[str]) -> tuple[SpeedSensor, ...]:
-    """Return the kinds of speed sensor that are worth trying."""
-    if 'speed' not in outputs:
-        return (SpeedSensor.IDEAL,)
-    for record in records:
-        if 'position' in record and len(record) > 10:
-            backward = np.diff(record['position']) / np.diff(record.time)
-            speed = record['speed'][1:]
-            if np.std(backward - speed) < 0.05 * np.std(np.diff(speed)) + 1e-9 * np.std(speed):
-                return (SpeedSensor.DIFFERENCE,)
-    return (SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE)

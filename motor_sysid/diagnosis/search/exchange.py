@@ -111,6 +111,7 @@ class Exchange:
         blind = [key for key in own if self.chosen_blindly(key, rung)]
         least = {key: RIVAL_SHARE * self.gains.get(key, 0.0) for key in own}
         doubtful = [key for key in own if key in blind or left > max(least[key], 0.0)]
+        doubtful = [key for key in doubtful if not self.bench.shows(key)]
         if not doubtful:
             return None
         begun = [now for (keys, _), now in self.seen.items() if keys == frozenset(start)]
@@ -151,7 +152,7 @@ class Exchange:
         """
         ahead: list[tuple[float, str, Trial]] = []
         for key in keys:
-            favoured = self.favoured(key, rung)
+            favoured = [] if self.bench.shows(key) else self.favoured(key, rung)
             if not rivals.get(key) and not favoured:
                 continue
             slim, scores = self.without(rung, key)

@@ -224,9 +224,10 @@ def _missed(new: Rung, old: Rung) -> str:
 
 
 def is_told(model: Model, key: str) -> bool:
-    """Whether an amplitude of an effect is told from zero, whatever else is not known."""
+    """Whether an amplitude of an effect is told from zero, by data or its box."""
     own = [model.parameters[f'{key}.{a.name}'] for a in effect(key).card.amplitudes]
-    return any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
+    boxed = any(p.lower > 0.0 for p in own)
+    return boxed or any(not p.on_bound and abs(p.value) >= TOLD * (p.sigma or 0.0) for p in own)
 
 
 def is_doubted(model: Model, key: str) -> bool:

@@ -67,7 +67,7 @@ def pruned(
     """
     narrowed_one = False
     for key in rung.model.effects if last else rung.model.effects[:-1]:
-        if key not in rung.model.effects:
+        if key not in rung.model.effects or bench.shows(key):
             continue
         if last or certainty(rung, key) <= BEYOND_DOUBT * bench.threshold:
             slim = _simpler(rung, numbered(rung.model.without_effect(key), bench.scales), bench)

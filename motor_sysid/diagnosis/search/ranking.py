@@ -43,12 +43,30 @@ NEARLY_ALL = 0.95
 neighbour leaves more, and what explains more is not doubted."""
 
 
-def winner_of(passing: Sequence[Trial]) -> Trial:
+def chosen(
+    trials: Sequence[Trial], rung: Rung, *, filtered: bool | None = None
+) -> tuple[Trial, tuple[str, ...]]:
+    """Return the trial that wins a round, one of which passes, and what does as well.
+
+    Nothing does as well as a filter of the speed where the speed is `filtered`, as a position
+    beside it tells.
+    """
+    winner = winner_of([t for t in trials if t.passes], filtered=filtered)
+    if filtered and winner.scored.variant.effect.filters_speed:
+        return winner, ()
+    return winner, rivals_of(winner, [t for t in trials if may_rival(t, winner)], rung)
+
+
+def winner_of(passing: Sequence[Trial], *, filtered: bool | None = None) -> Trial:
     """Return the best trial, or its simplest special case that explains most of it.
 
     Of several that do as well, what every motor has goes first, then one that keeps what the
-    model has, then what the held-out data clearly speak for.
+    model has, then what the held-out data clearly speak for.  Before all of them goes a filter of
+    the speed where that is known to be `filtered`.
     """
+    shown = (t for t in passing if filtered and t.scored.variant.effect.filters_speed)
+    if first := next(shown, None):
+        return first
     best = passing[0]
     simplest = _simplest(best, passing)
     if simplest is not best:

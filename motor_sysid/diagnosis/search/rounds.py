@@ -177,7 +177,7 @@ def refitted(
     trials = _in_finer_steps(_special_cases_settled(trials, level, bench), level, bench)
     most = max((trial.delta_bic for trial in trials), default=0.0)
     passing = sorted((t for t in trials if t.passes), key=lambda t: -t.delta_bic)
-    winner = winner_of(passing) if passing else None
+    winner = winner_of(passing, filtered=bench.filtered) if passing else None
     tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
     trials = in_threads(finally_, trials)
     return sorted(trials, key=lambda t: (not t.passes, -t.delta_bic))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.moments import unseen_moments, with_best_moments
-from motor_sysid.diagnosis.where.compare import compare, Comparison, comparison_of
+from motor_sysid.diagnosis.where.compare import compare, Comparison, comparison_of, likely
 from motor_sysid.estimation.batch import (
     Chain,
     fit_and_slopes,
@@ -173,7 +173,8 @@ def judge(result: FitResult, bench: Bench, near: Sequence[Linearization] = ()) -
     """Take the errors of a fitted model; `near` holds its residuals on the training data."""
     outputs, substeps = bench.outputs, bench.substeps
     if near and bench.train_free is bench.train:
-        training = comparison_of([one.residual for one in near], bench.problem(result.model))
+        problem = bench.problem(result.model)
+        training = comparison_of(likely(near, problem), problem)
     else:
         training = compare(result.model, bench.train_free, outputs, substeps=substeps)
     held = compare(result.model, bench.held, outputs, substeps=substeps)

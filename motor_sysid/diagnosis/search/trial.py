@@ -32,6 +32,7 @@ from motor_sysid.diagnosis.search.gates import (
 )
 from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes
 from motor_sysid.diagnosis.search.sense import MOMENTS_APART
+from motor_sysid.diagnosis.where.compare import likely
 from motor_sysid.estimation.batch import Linearization, Weighting
 from motor_sysid.estimation.batch.weighting import coloured
 from motor_sysid.physics.effect import Effect, Scale
@@ -192,8 +193,11 @@ def judged(
     deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or clears)
     mends = level.mends(after)
     turn = bench.scales.size(Scale.ANGLE)
+    guessed = rung.model
+    for key in filter(bench.shows, rung.model.effects):
+        guessed = guessed.without_effect(key)  # its law was seen to be right
     inexact = max(
-        misfit_of_laws(scored, rung.model, level.explained, bench.outputs, turn),
+        misfit_of_laws(scored, guessed, level.explained, bench.outputs, turn),
         bench.wrong * level.cost,
     )
     threshold = max(bench.threshold, inexact)
@@ -217,7 +221,7 @@ def gain_of_likelihood(new: Rung, old: Rung, bench: Bench) -> float:
     """
     likelihood, fresh = [], bench.problem(new.model).fresh
     for rung in (new, old):
-        errors = [one.residual for one in slopes(rung, bench)]
+        errors = likely(slopes(rung, bench), bench.problem(rung.model))
         own = coloured(errors, AR_ORDER)
         own = replace(own, sigma=own.sigma / np.sqrt(fresh))
         squares = sum(float(np.sum(own.flat(e[:, :, np.newaxis]) ** 2)) for e in errors)

@@ -15,6 +15,7 @@ from motor_sysid.diagnosis.search.trial import Ladder, Trial
 from motor_sysid.diagnosis.where.equation_errors import lacking_name
 from motor_sysid.diagnosis.where.unexplained import Lack, lack_of, orthogonal
 from motor_sysid.diagnosis.where.where import Failure, failure_of, mean_in
+from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.signals.record import Record
 from motor_sysid.threads import in_threads
 
@@ -54,10 +55,31 @@ def step_of(
     )
 
 
-def notes_of(ladder: Ladder, *, named: bool) -> tuple[str, ...]:
+def notes_of(ladder: Ladder, bench: Bench, *, named: bool) -> tuple[str, ...]:
     """Return what the fit of the model that is shown says: the first one if nothing is named."""
     result = ladder[-1 if named else 0][0].result
-    return *result.unidentifiable, *result.warnings
+    return *result.unidentifiable, *result.warnings, *half_a_sample(result.model, bench)
+
+
+def half_a_sample(model: Model, bench: Bench) -> tuple[str, ...]:
+    """Say what a delay or a filter owes to the speed sensor, where the speed is all there is."""
+    late = [
+        f'{one.key}.{one.card.delay or one.card.filter}'
+        for one in map(model.effect, model.effects)
+        if one.card.delay or one.filters_speed
+    ]
+    record = bench.records[0]
+    alone = bench.outputs == ('speed',) and 'position' not in record
+    torn = {SpeedSensor.IDEAL, SpeedSensor.DIFFERENCE} <= {*bench.sensors}
+    if not (late and alone and torn):
+        return ()
+    mean = model.speed_sensor is SpeedSensor.DIFFERENCE
+    taken, other = 'its mean over a sample, as of counts', 'that of the moment'
+    taken, other, by = (taken, other, 'longer') if mean else (other, taken, 'shorter')
+    return (
+        f'the speed is taken as {taken}; if it is {other}, {late[0]} is {500 * record.dt:.3g} ms '
+        f'{by}: record the position too, which tells',
+    )
 
 
 def as_trifles(step: Step) -> Step:

@@ -12,10 +12,12 @@ from motor_sysid.diagnosis.result.findings import Evidence, WrongParameter
 from motor_sysid.diagnosis.result.result import Candidate, Step
 from motor_sysid.diagnosis.search.gates import WILD_PERCENT
 from motor_sysid.diagnosis.search.refit import parameters_of
+from motor_sysid.diagnosis.search.speed_sensors import is_filtered
 from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.effect import Amplitude
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import linear_unit, Model
+from motor_sysid.signals.lateness import speed_lateness
 from motor_sysid.signals.record import Record
 
 INTERVAL = 1.96
@@ -156,6 +158,8 @@ def _plausible(
     key: str, model: Model, records: Sequence[Record], nominal: Mapping[str, float]
 ) -> tuple[bool, str]:
     """Judge sign and size of an effect's amplitudes."""
+    if shown := _shown(key, records):
+        return True, shown
     lines, fine = [], True
     for card in effect(key).card.amplitudes:
         p = model.parameters[f'{key}.{card.name}']
@@ -174,6 +178,17 @@ def _plausible(
         lines += list(_size(card, abs(p.value), model, records, nominal))
     fine = fine and not any('more than' in line for line in lines)
     return fine, ' '.join(dict.fromkeys(lines))
+
+
+def _shown(key: str, records: Sequence[Record]) -> str:
+    """Say what a position tells of a filter of the speed; nothing of anything else."""
+    late = speed_lateness(records) if effect(key).filters_speed else None
+    if late is None or not is_filtered(late, records[0].dt):
+        return ''
+    return (
+        f'The position shows it, whatever the motor does: {with_unit(late.seconds, "s", 3)} from '
+        'the motion to the speed that is shown.'
+    )
 
 
 def _unknown_shapes(key: str, model: Model) -> list[str]:

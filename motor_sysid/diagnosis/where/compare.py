@@ -10,9 +10,8 @@ from motor_sysid.diagnosis.result.curves import Where
 from motor_sysid.diagnosis.where.axes import axes_of
 from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
-from motor_sysid.estimation.batch import Chain, Problem, white
+from motor_sysid.estimation.batch import Chain, Linearization, Problem, white
 from motor_sysid.estimation.batch.chains import Stretch
-from motor_sysid.physics.effect import SPEED_SENSOR
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.noise import noise_sigma
@@ -57,48 +56,65 @@ def compare(
 ) -> Comparison:
     """Run a model over chains from the measured initial state and take the errors.
 
-    Counts of a position tell the speed but roughly, and a filter what it is fed; where that is so,
-    the most likely initial state is taken, unless that `as_measured` is asked for.  The former
-    takes some of what the model lacks for noise of the start, of which many short runs average out
-    in the latter.
+    Counts of a position tell the speed but roughly, a filter what it is fed, and a record what a
+    delay still holds; where that is so, the most likely start is taken, unless that `as_measured`
+    is asked for.  The former takes some of what the model lacks for noise of the start, of which
+    many short runs average out in the latter.
     """
     problem = Problem(model, chains, outputs, substeps=substeps)
-    z, stretches = problem.vector(), problem.stretches
-    late = _late(model)
-    if as_measured or not ('position' in outputs or late):
-        runs = zip(stretches, problem.simulate(z[np.newaxis, :]), strict=True)
+    z = problem.vector()
+    if as_measured or not starts_matter(problem):
+        runs = zip(problem.stretches, problem.simulate(z[np.newaxis, :]), strict=True)
         return comparison_of([one.judged - run[:, :, 0] for one, run in runs], problem)
-    near = problem.linearize(z, parameters=False)
-    noise = white([one.residual for one in near])
-    likely = [
-        problem.settled(one, noise, _spread(stretch, model.kind.states, late))
-        for one, stretch in zip(near, stretches, strict=True)
+    return comparison_of(likely(problem.linearize(z, parameters=False), problem), problem)
+
+
+def starts_matter(problem: Problem) -> bool:
+    """Whether what is measured tells but roughly how a run of the model begins."""
+    return 'position' in problem.outputs or _late(problem.model) > 0.0
+
+
+def likely(near: Sequence[Linearization], problem: Problem) -> list[Array]:
+    """Return residuals (N, n_y) of each scored stretch from the most likely start."""
+    if not starts_matter(problem):
+        return [one.residual for one in near]
+    noise, late = white([one.residual for one in near]), _late(problem.model)
+    return [
+        problem.settled(one, noise, _spread(stretch, problem.model.kind.states, late, one))
+        for one, stretch in zip(near, problem.stretches, strict=True)
     ]
-    return comparison_of(likely, problem)
 
 
 def _late(model: Model) -> float:
-    """Return by how much the speed is shown late, s: the time constant of its filter, or 0."""
-    mine = (model.effect(key) for key in model.effects)
-    filters = [one for one in mine if one.card.filter and SPEED_SENSOR in one.laws]
-    return sum(model[f'{one.key}.{one.card.filter}'] for one in filters)
+    """Return how long it takes, s, until an input is seen: by delays and filters of the speed."""
+    mine = list(map(model.effect, model.effects))
+    times = [f'{one.key}.{one.card.delay}' for one in mine if one.card.delay]
+    times += [f'{one.key}.{one.card.filter}' for one in mine if one.filters_speed]
+    return sum(map(model.__getitem__, times))
 
 
-def _spread(stretch: Stretch, states: Sequence[str], late: float) -> Array:
+def _spread(
+    stretch: Stretch, states: Sequence[str], late: float, near: Linearization
+) -> Array:
     """Return (m,) standard deviations of the open initial states, in units of their sizes.
 
     These are the position, and the speed: a central difference of positions, or what is shown and
-    as much more as that changes while it is `late` (s).
+    as much as that changes while an input is `late` (s).  What an input lacked before the record
+    is all of it, or nothing.
     """
     record, dt = stretch.record, stretch.drive.dt
     known = dict[str, float]()
     if 'position' in record:
-        count = stretch.drive.count / np.sqrt(12.0)
-        known['theta'] = max(noise_sigma(record['position']), count)
+        rounding = stretch.drive.count / np.sqrt(12.0)
+        known['theta'] = max(noise_sigma(record['position']), rounding)
         known['omega'] = known['theta'] / (np.sqrt(2.0) * dt)
-    if 'speed' in record:
-        known['omega'] = noise_sigma(record['speed']) * max(late / dt, 1.0)
-    return np.array([known[states[j]] / stretch.state_size[j] for j in stretch.open_states])
+    if 'speed' in record and 'omega' in states:
+        changes = abs(float(stretch.rate[states.index('omega')])) * late
+        known['omega'] = noise_sigma(record['speed']) * max(late / dt, 1.0) + changes
+    spread = np.ones(near.start.shape[2])
+    for k, j in enumerate(stretch.open_states):
+        spread[k] = known[states[j]] / stretch.state_size[j]
+    return spread
 
 
 def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:

@@ -36,7 +36,8 @@ class Linearization:
     slope:
         (N, n_y, d) derivative of the simulated outputs by the vector.
     start:
-        (N, n_y, m) derivative by the open initial states.
+        (N, n_y, m) derivative by the open initial states, and last, where a delay reaches back
+        beyond the record, by the share of its first input that was missing before it.
     size:
         (d,) size of each coordinate of the vector, in units of its parameter; 1 for a logarithm.
     """
@@ -149,7 +150,9 @@ class Problem:
             {name: float(v[0]) for name, v in self.values(z[np.newaxis, :]).items()}
         )
 
-    def simulate(self, z: Array, shifts: Array | None = None) -> list[Array]:
+    def simulate(
+        self, z: Array, shifts: Array | None = None, *, from_nothing: bool = False
+    ) -> list[Array]:
         """Return for each scored stretch the judged outputs (N, n_y, P) of (P, d) vectors.
 
         Parameters
@@ -158,6 +161,8 @@ class Problem:
             (P, d) vectors.
         shifts:
             (P, n) changes of the initial state in units of the stretch's state size.
+        from_nothing:
+            Whether there was no input before a record; else it was the first one.
         """
         table, results = self.values(z), []
         if not table or len(z) == 0:
@@ -168,7 +173,7 @@ class Problem:
             stretches = [stretch for chain in chains for stretch in chain]
             runs = self.program.run_chain(
                 table,
-                [s.drive for s in stretches],
+                [s.drive.from_nothing() if from_nothing else s.drive for s in stretches],
                 starts_of(self.model, table, stretches, shifts),
                 restarts=list(accumulate(len(chain) for chain in chains)),
                 substeps=self.substeps,
@@ -223,13 +228,17 @@ class Problem:
         for k, state in enumerate(self._open):
             shifts[first + 2 * k, state] = 1.0
             shifts[first + 2 * k + 1, state] = -1.0
-        found = []
-        for stretch, run in zip(self.stretches, self.simulate(cloud, shifts), strict=True):
+        late = bool(self.program.delays)
+        found, runs = [], self.simulate(cloud, shifts)
+        without = self.simulate(z[np.newaxis], from_nothing=True) if late else runs
+        for stretch, run, silent in zip(self.stretches, runs, without, strict=True):
             others = run[:, :, :1] if self.one_sided else run[:, :, 1 + d : first]
             slope = (run[:, :, 1 : 1 + d] - others) / apart
             tail = run[:, :, first:]
             wanted = [k for k, state in enumerate(self._open) if state in stretch.open_states]
             start = 0.5 * (tail[:, :, 0::2] - tail[:, :, 1::2])[:, :, wanted]
+            if late and np.any(missing := silent - run[:, :, :1]):
+                start = np.concatenate((start, missing), axis=2)
             found.append(
                 Linearization(
                     stretch.judged - run[:, :, 0], _sane(slope), _sane(start), self.size[:d]

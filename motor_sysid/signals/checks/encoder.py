@@ -7,6 +7,7 @@ import numpy as np
 
 from motor_sysid.signals.checks.common import Array, is_angular
 from motor_sysid.signals.finding import Finding, Severity
+from motor_sysid.signals.lateness import speed_lateness
 from motor_sysid.signals.lattice import lattice
 from motor_sysid.signals.record import Record
 from motor_sysid.signals.units import TURN
@@ -14,6 +15,9 @@ from motor_sysid.signals.units import TURN
 TURNS_PER_UNIT = {'rad/s': 1 / TURN, 'rpm': 1 / 60, 'deg/s': 1 / 360, 'turns/s': 1.0}
 WHOLE = 0.02
 """Distance from a whole number of counts per turn that still counts as whole."""
+LATE, EARLY, CERTAIN = 0.75, 0.25, 5.0
+"""Samples by which a speed is behind the position, or ahead of it, that are told, beyond so many
+standard errors: a mean over the last sample is half a sample behind."""
 LARGEST = 50_000
 """Counts per turn above which a whole number proves nothing."""
 
@@ -71,6 +75,34 @@ def check(records: Sequence[Record]) -> Iterator[Finding]:
         )  # fmt: skip
     elif 'position' not in record:
         yield from _unit_by_counts(record, encoder)
+    else:
+        yield from _lateness(records, record.dt)
+
+
+def _lateness(records: Sequence[Record], dt: float) -> Iterator[Finding]:
+    """Tell a filter of the speed, or a position that is late, by what the speed adds up to."""
+    found = speed_lateness(records)
+    if found is None or not np.isfinite(dt):
+        return
+    late, sure = found.seconds, CERTAIN * found.sigma
+    numbers = {'lag_s': late, 'sigma_s': found.sigma}
+    span = f'{abs(late) * 1e3:.3g} ms'
+    span += f' (standard error {found.sigma * 1e3:.1g} ms)' if sure > 0.02 * abs(late) else ''
+    if late - sure > LATE * dt:
+        yield Finding(
+            Severity.INFO, 'speed_late',
+            f'speed is {span} behind the motion of the position: a filter of the drive or sensor',
+            'taken for the speed of the moment, it makes the motor look slower than it is',
+            'fit with `--effect speed_sensor_lag`; a diagnosis tries it first', numbers,
+        )  # fmt: skip
+    elif late + sure < -EARLY * dt:
+        yield Finding(
+            Severity.WARNING, 'position_late',
+            f'position is {span} behind what the speed adds up to',
+            'effects that turn with the rotor are taken at a wrong angle',
+            'record both at the same instant, or shift one (`shift` in a msg_config file)',
+            numbers,
+        )  # fmt: skip
 
 
 def _unit_by_counts(record: Record, encoder: Encoder) -> Iterator[Finding]:
