@@ -8,8 +8,13 @@ import pytest
 
 from motor_sysid.diagnosis import diagnose
 from motor_sysid.diagnosis.engine import Engine
-from motor_sysid.diagnosis.search.gates import is_told
+from motor_sysid.diagnosis.fitting import bench_of
+from motor_sysid.diagnosis.search import trial
+from motor_sysid.diagnosis.search.gates import is_told, UNCERTAIN
+from motor_sysid.diagnosis.search.pairs import beginning
 from motor_sysid.diagnosis.search.ranking import chosen
+from motor_sysid.diagnosis.search.rounds import scored
+from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.speed_sensors import filter_box, is_filtered, speed_sensors
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.physics.effects import effect
@@ -206,3 +211,30 @@ def test_a_filter_beside_a_position_is_no_delay():
     lag = found.steps[-1].model.parameters['speed_sensor_lag.lag']
     assert abs(lag.value - 0.01) < 0.3 * 4e-3
     assert found.steps[-1].model['k_a'] == pytest.approx(0.0386, rel=0.1)
+
+
+@pytest.mark.parametrize(('told', 'note'), [(True, ''), (None, UNCERTAIN), (False, UNCERTAIN)])
+def test_what_is_seen_needs_no_more_than_evidence(monkeypatch, told, note):
+    bench, model = bench_of([servo(1)], [servo(2)], None, 'brushed_dc_reduced', {}, 0.2)
+    assert bench.filtered
+    rung = climb(model, bench)
+    one = effect('speed_sensor_lag')
+    scores = scored(rung, bench, [one], lambda text: None)
+    new = climb(model.with_effect(one.key, {'lag': 0.01}, bench.scales), bench)
+    monkeypatch.setattr(trial, 'gate_note', lambda *args, **more: UNCERTAIN)
+    level = trial.Level.of(rung, bench, scores.weighting)
+    best = max(scores.singles, key=lambda s: s.gain)
+    assert trial.judged(best, new, level, replace(bench, filtered=told)).note == note
+
+
+def test_a_second_climb_begins_with_what_is_seen():
+    def rung(*effects):
+        return SimpleNamespace(model=SimpleNamespace(effects=effects)), list(effects)
+
+    bench = SimpleNamespace(shows=lambda key: key == 'speed_sensor_lag')
+    lag, friction = 'speed_sensor_lag', 'coulomb_friction'
+    ladder = [rung('iron_loss'), rung('iron_loss', lag), rung('iron_loss', lag, friction)]
+    assert beginning(ladder, bench) == (ladder[:1], ladder[1])
+    assert beginning(ladder[:2], bench) == (ladder[:1], ladder[1])
+    others = [rung(), rung(friction), rung(friction, lag)]
+    assert beginning(others, bench) == ([], others[0])

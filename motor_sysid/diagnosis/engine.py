@@ -15,7 +15,7 @@ from motor_sysid.diagnosis.search.feedback import unbiased
 from motor_sysid.diagnosis.search.gates import is_doubted, MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.integration_steps import asked_finer, exact, refined
 from motor_sysid.diagnosis.search.needless import why_needless
-from motor_sysid.diagnosis.search.pairs import best_twosome, TWO
+from motor_sysid.diagnosis.search.pairs import beginning, best_twosome, TWO
 from motor_sysid.diagnosis.search.pits import deepest
 from motor_sysid.diagnosis.search.polish import polish
 from motor_sysid.diagnosis.search.prune import led_out, pruned, relieved
@@ -104,7 +104,7 @@ class Engine:
             rung, self.bench = refined(rung, self.bench)
         bench = self.bench
         ladder, rivals = self.climb([], rung)
-        base, first = ladder[0]
+        shown, (base, first) = beginning(ladder, bench)
         found = self.finish(ladder, rivals)
         unknown = found.verdict is Verdict.UNKNOWN_EFFECT
         if not unknown or self.settings.max_effects < TWO or is_spent():
@@ -115,8 +115,9 @@ class Engine:
             return found
         rung, gain, alone = pair
         own = [key for key in rung.model.effects if key not in base.model.effects]
-        begun = [(base, alone + [t for t in first if not alone or t.key not in own])]
-        self.gains, self.notes = dict.fromkeys(own, gain), []
+        begun = [*shown, (base, alone + [t for t in first if not alone or t.key not in own])]
+        self.gains |= dict.fromkeys(own, gain)
+        self.notes = []
         ladder, rivals = self.climb(begun, self.refine(rung))
         again = self.finish(ladder, rivals_alone(ladder) | rivals)
         return again if again.verdict in (Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS) else found

@@ -16,7 +16,7 @@ from motor_sysid.diagnosis.search.refit import settled_pair, try_pair
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.search.sense import is_nonsense
 from motor_sysid.diagnosis.search.step_ahead import stands
-from motor_sysid.diagnosis.search.trial import judged, Level, Trial
+from motor_sysid.diagnosis.search.trial import judged, Ladder, Level, Trial
 from motor_sysid.threads import in_threads
 
 TWO = 2
@@ -27,6 +27,19 @@ MOSTLY = 0.5
 the truth leaves next to nothing of it."""
 
 Pair = tuple[Scored, Scored]
+
+
+def beginning(ladder: Ladder, bench: Bench) -> tuple[Ladder, tuple[Rung, list[Trial]]]:
+    """Return where a second climb begins: at the last fit with no effect but what signals show.
+
+    With it go the fits before it.
+    """
+    start = set(ladder[0][0].model.effects)
+    shown = [
+        all(key in start or bench.shows(key) for key in rung.model.effects) for rung, _ in ladder
+    ]
+    last = shown.index(False) - 1 if False in shown else len(ladder) - 1
+    return ladder[:last], ladder[last]
 
 
 def best_twosome(

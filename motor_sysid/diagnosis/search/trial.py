@@ -30,7 +30,7 @@ from motor_sysid.diagnosis.search.gates import (
     TORN,
     WORN,
 )
-from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes
+from motor_sysid.diagnosis.search.rung import climb, profile_cost, Rung, slopes, SPOILED
 from motor_sysid.diagnosis.search.sense import MOMENTS_APART
 from motor_sysid.diagnosis.where.compare import likely
 from motor_sysid.estimation.batch import Linearization, Weighting
@@ -207,6 +207,9 @@ def judged(
     )  # fmt: skip
     if note == NO_EVIDENCE and delta > bench.threshold:
         note = INEXACT
+    spoilt = new.held.error_percent > SPOILED * rung.held.error_percent
+    if bench.shows(scored.variant.effect.key) and delta > bench.threshold and not spoilt:
+        note = ''
     if not note and new.model.kind.jumps and is_in_few(rung.held, new.held, level.weighting):
         note = IN_FEW
     return Trial(scored, new, delta, gain, steady, note, after / rows)
