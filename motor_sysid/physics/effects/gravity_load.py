@@ -3,6 +3,9 @@
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale
 from motor_sysid.physics.laws import cos, sin
 
+REACH = 100.0
+"""Times the torque in use: of an arm that swings by a few degrees a small part acts."""
+
 CARD = Card(
     title='gravity load',
     equation='tau = -tau_sin sin(theta) - tau_cos cos(theta)',
@@ -11,13 +14,14 @@ CARD = Card(
     enters=Enters.MECHANICAL,
     amplitudes=(
         Amplitude(
-            'tau_sin', 'N m', 'torque a quarter turn from zero position', Scale.TORQUE, swings=True
+            'tau_sin', 'N m', 'torque a quarter turn from zero position', Scale.TORQUE, REACH,
+            swings=True,
         ),
-        Amplitude('tau_cos', 'N m', 'torque at zero position', Scale.TORQUE, swings=True),
+        Amplitude('tau_cos', 'N m', 'torque at zero position', Scale.TORQUE, REACH, swings=True),
     ),
     axis='position',
     rotary=True,
-)
+)  # fmt: skip
 
 
 def torque(theta: float, tau_sin: float, tau_cos: float) -> float:
