@@ -1,10 +1,12 @@
 """Play in a gear before the load: the teeth let go at every reversal and strike again.
 
-The flexible shaft with a gap: motor side ``J domega/dt = ... - T_s``, load side ``J_l domega_l/dt
-= T_s`` with ``T_s = J_l (w_a^2 d + 2 z w_a c (omega - omega_l))``, where ``d`` is the part of the
-twist ``phi`` beyond the gap and ``c`` tells whether the teeth touch.  Teeth push and never pull:
-where damping would hold them back, ``T_s`` is zero.  With the effect, ``J`` is the motor side
-alone.
+The flexible shaft with a gap: motor side ``J domega/dt = ... - T_s``, load side
+``J_l domega_l/dt = T_s - J_l s_l omega_l`` with
+``T_s = J_l (w_a^2 d + 2 z w_a c (omega - omega_l))``, where ``d`` is the part of the twist ``phi``
+beyond the gap and ``c`` tells whether the teeth touch.  Teeth push and never pull: where damping
+would hold them back, ``T_s`` is zero.  With the effect, ``J`` is the motor side alone, and ``b``
+too where friction of the load is told from it: while the teeth are apart, each side is slowed by
+its own.
 
 ``c`` rises from 0 to 1 over a thirtieth of the gap, half of it before the teeth meet: the blow is
 then as strong as that of a step, but for what goes with the square of that width.
@@ -16,7 +18,7 @@ from motor_sysid.physics.laws import clip, law_function
 CARD = Card(
     title='backlash',
     equation='tau = -r J (w_a^2 d + 2 z w_a c dphi/dt),  dphi/dt = omega - omega_l,  '
-    'd = phi beyond +-phi_g; teeth never pull',
+    'd = phi beyond +-phi_g; teeth never pull, and s_l slows the load',
     symptom='At every reversal the motor runs free for a moment as if it had less inertia, then '
     'strikes the load.',
     reference='Nordin and Gutman, Automatica 38 (2002), Controlling mechanical systems with '
@@ -31,6 +33,8 @@ CARD = Card(
         Shape('w_a', 'rad/s', 'stiffness of the teeth: antiresonance in contact', Scale.RATE,
               (0.15, 0.5), 0.02, 4.0),
         Shape('z', '1', 'damping ratio of the teeth', Scale.ONE, (0.4,), 0.01, 2.0),
+        Shape('s_l', '1/s', 'viscous friction of the load over its inertia', Scale.RATE, (0.0,),
+              0.0, 0.05, free=False, bends=(3e-4,)),
     ),
     axis='time',
     states=('phi', 'omega_l'),
@@ -82,7 +86,7 @@ def rate_phi(omega: float, omega_l: float) -> float:
 
 
 def rate_omega_l(
-    omega: float, phi: float, omega_l: float, phi_g: float, w_a: float, z: float
+    omega: float, phi: float, omega_l: float, phi_g: float, w_a: float, z: float, s_l: float
 ) -> float:
     """Acceleration of the load in rad/s^2."""
-    return push(omega, phi, omega_l, phi_g, w_a, z)
+    return push(omega, phi, omega_l, phi_g, w_a, z) - s_l * omega_l
