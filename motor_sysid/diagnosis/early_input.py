@@ -28,6 +28,7 @@ LEAST = 0.2
 """Rows by which an input must be early to be told."""
 
 DELAY = 'input_delay'
+"""The effect by which an input that is a row earlier is delayed again."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,8 @@ def with_early_input(
     asked = found.verdict in (
         Verdict.UNKNOWN_EFFECT, Verdict.EFFECT_MISSING, Verdict.AMBIGUOUS,
     ) and error > REMAINS * found.noise_floor_percent  # fmt: skip
-    if not asked or DELAY in model.effects or not model.admits(effect(DELAY)):
+    late = any(effect(key).card.delay for key in model.effects)
+    if not asked or late or not model.admits(effect(DELAY)):
         return found
     tell('asking whether the input is written down late')
     early = run_earlier(model, train, held, fraction, nominal)

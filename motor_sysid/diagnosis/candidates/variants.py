@@ -91,8 +91,9 @@ def _choices(
         size = scales.size(card.scale)
         if isinstance(card, Amplitude):
             if card.trials:
-                box = scales.speed_filter if one.filters_speed else (0.0, np.inf)
-                tried = sorted({float(np.clip(t * size, *box)) for t in card.trials})
+                tried = [t * size for t in card.trials]
+                if one.filters_speed and card.name == one.card.filter:
+                    tried = sorted({float(np.clip(t, *scales.speed_filter)) for t in tried})
                 grids.append([(card.name, value) for value in tried])
         elif proposed and card.name in (one.card.orders, one.card.moment, one.card.frequency):
             grids.append([(card.name, float(value)) for value in proposed])

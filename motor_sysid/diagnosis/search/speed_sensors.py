@@ -1,4 +1,4 @@
-"""What kind of speed sensor records may come from: of the moment, or the mean over a sample."""
+"""What kind of speed sensor records may come from: of the moment or a mean, filtered or not."""
 
 from collections.abc import Sequence
 

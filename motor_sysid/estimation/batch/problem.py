@@ -115,6 +115,12 @@ class Problem:
         shares = np.array([s.fresh for s in self.stretches])
         return np.asarray(rows @ shares / rows.sum())
 
+    @property
+    def _begins_driven(self) -> bool:
+        """Whether some data begin with an input, and nothing tells what there was before it."""
+        drives = [stretch.drive for chain in self.chains for stretch in chain]
+        return any(d.before is None and bool(np.any(d.inputs[:1])) for d in drives)
+
     def vector(self) -> Array:
         """Return z of the model as it is."""
         return np.array(
@@ -228,7 +234,7 @@ class Problem:
         for k, state in enumerate(self._open):
             shifts[first + 2 * k, state] = 1.0
             shifts[first + 2 * k + 1, state] = -1.0
-        late = bool(self.program.delays)
+        late = bool(self.program.delays) and self._begins_driven
         found, runs = [], self.simulate(cloud, shifts)
         without = self.simulate(z[np.newaxis], from_nothing=True) if late else runs
         for stretch, run, silent in zip(self.stretches, runs, without, strict=True):
