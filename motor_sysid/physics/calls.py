@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from motor_sysid.physics.effect import JUMPS, SUM
+from motor_sysid.physics.effect import Effect, JUMPS, SUM
 from motor_sysid.physics.lanes import Lane
 from motor_sysid.physics.motors.base import Motor
 
@@ -116,6 +116,16 @@ class Calls:
 def _table(calls: Sequence[tuple[Lane, int, int]]) -> Integers:
     """Return (N, 3) addresses, offsets of own parameters, and offsets of own states."""
     return integers([(lane.address, own, state) for lane, own, state in calls]).reshape(-1, 3)
+
+
+def begins(one: Effect, kind: Motor) -> list[tuple[int, int]]:
+    """Return own states that begin elsewhere than at zero, with the state that each follows.
+
+    They are numbers among the states of the effect and of the motor; -1 where it is told.
+    """
+    own = one.card.states.index
+    follow = [(own(s), kind.states.index(core)) for s, core in one.card.begins.items()]
+    return follow + [(own(s), -1) for s in one.starts]
 
 
 def integers(values: Sequence[int] | Sequence[tuple[int, ...]]) -> Integers:

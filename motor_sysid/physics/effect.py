@@ -214,6 +214,9 @@ class Card:
     shrinks:
         Motor parameters, those of every kind, that hold the effect's share while the model lacks
         it; they are divided by one plus its first amplitude when it is added.
+    slows:
+        Motor parameters that likewise hold its share of the friction, each with the shape that is
+        that share's rate, 1/s: friction over inertia.
     drains:
         Amplitude, per second, to the parameters (of motors of every kind, of other effects) whose
         sum it must not use up within a record: friction would feed energy.
@@ -245,11 +248,11 @@ class Card:
         are smooth functions of any parameter only over a hundredth of it.
     grid:
         Parameter to finite values, in units of its scale, of all combinations of which the best
-        are tried as starts; for an effect of whose strength a touch tells little.
+        are tried as starts; for an effect of whose strength a touch tells little.  That of a shape
+        that `slows` is in shares of the motor's friction.
     inherent:
-        Largest usual value of the first amplitude (SI), for what every motor has that may have
-        the effect: up to it, it goes first among what explains as well, beyond it last; 0 for
-        any other effect.
+        Largest usual value of the first amplitude (SI), for what every motor has: up to it, it
+        goes first among what explains as well, beyond it last; 0 for any other effect.
     misfit:
         Share of the effect that its law may miss in a real motor; what is left then looks like
         another function of the same thing.  More where the form of the law is a habit.
@@ -273,6 +276,7 @@ class Card:
     sum_of: tuple[str, ...] = ()
     rotary: bool = False
     shrinks: tuple[str, ...] = ()
+    slows: Mapping[str, str] = field(default_factory=dict)
     drains: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     settles: str = ''
     orders: str = ''
@@ -319,6 +323,12 @@ class Effect:
     speed_sum:
         What the sum of the shown speed has beyond the angle, rad, for one that changes the speed
         sensor; None where that is nothing.
+    starts:
+        Own state to where it begins in motion, from what is read there of the motor: states, their
+        rates (`d` before the name, per s) and parameters; zero where nothing moves.
+    doubts:
+        State of the motor to how far it may be from what is read there (standard deviation), for
+        an own state that may begin elsewhere; of the same arguments.
     """
 
     key: str
@@ -328,6 +338,8 @@ class Effect:
     source: str
     after: str = ''
     speed_sum: Law | None = None
+    starts: dict[str, Law] = field(default_factory=dict)
+    doubts: dict[str, Law] = field(default_factory=dict)
 
     @property
     def filters_speed(self) -> bool:

@@ -62,7 +62,11 @@ def load_effect(key: str, module: ModuleType) -> Effect:
         if state not in rates:
             raise UserError(f'effect file {where}: state `{state}` has no rate_{state}(...)')
     summed = getattr(module, SUM, None)
-    return Effect(key, card, laws, rates, inspect.getsource(module), speed_sum=summed)
+    told = vars(module)
+    starts = {s: told[f'start_{s}'] for s in card.states if f'start_{s}' in told}
+    doubts = {n.removeprefix('doubt_'): told[n] for n in told if n.startswith('doubt_')}
+    source = inspect.getsource(module)
+    return Effect(key, card, laws, rates, source, '', summed, starts, doubts)
 
 
 def checked(one: Effect) -> Effect:
@@ -80,6 +84,8 @@ def checked(one: Effect) -> Effect:
         laws={name: over_arrays(law) for name, law in one.laws.items()},
         rates={name: over_arrays(rate) for name, rate in one.rates.items()},
         speed_sum=one.speed_sum and over_arrays(one.speed_sum),
+        starts={name: over_arrays(start) for name, start in one.starts.items()},
+        doubts={name: over_arrays(doubt) for name, doubt in one.doubts.items()},
     )
 
 

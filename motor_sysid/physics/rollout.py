@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from motor_sysid.effort import count
 from motor_sysid.errors import UserError
-from motor_sysid.physics.calls import Calls, integers
+from motor_sysid.physics.calls import begins, Calls, integers
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.effect import ARGUMENTS, Effect, SPEED_SENSOR
 from motor_sysid.physics.effects import effect
@@ -118,10 +118,7 @@ class Program:
             else:
                 self._kernel_memory += memory
                 self._memory_rate += [offset + count * LANES for offset in memory]
-            self._begins += [
-                (state + one.card.states.index(mine) * LANES, self.kind.states.index(core))
-                for mine, core in one.card.begins.items()
-            ]
+            self._begins += [(memory[s], core) for s, core in begins(one, self.kind)]
             for lane in compile_effect(one, motor_names):
                 calls.add(lane, own, state, in_core=one.card.linear)
         if self.kind.own:
@@ -336,13 +333,14 @@ class Program:
     def begin(self, workspace: Workspace, x: Array) -> None:
         """Set own states to zero, or to the state of the motor in `x` (n, 32) that they follow.
 
-        Rows after these n are what those begin with instead, in their order.
+        Rows after these n are what own states that follow or start begin with, in their order.
         """
         for offset in self.memory_offsets:
             workspace.buffer[offset : offset + LANES] = 0.0
         n = len(self.kind.states)
         for k, (offset, core) in enumerate(self._begins):
-            workspace.buffer[offset : offset + LANES] = x[n + k if len(x) > n else core]
+            if (row := n + k if len(x) > n else core) >= 0:
+                workspace.buffer[offset : offset + LANES] = x[row]
 
     def advance(
         self,

@@ -73,6 +73,14 @@ def starts_on_grid(variant: Variant, base: Model, bench: Bench) -> list[Values]:
     return [points[k] for k in better[:BEST]]
 
 
+def begun_at(point: Values, model: Model, variant: Variant) -> Model:
+    """Return a model with the values of a point, free where they bend the law."""
+    key, card = variant.effect.key, variant.effect.card
+    bends = [f'{key}.{shape.name}' for shape in card.shapes if shape.bends]
+    bent = [name for name in bends if point.get(name, model[name]) != model[name]]
+    return model.with_values(point).with_free(bent)
+
+
 def _stays(values: Array) -> bool:
     """Whether values stay within bounds: a point may be no motor, or run away."""
     return bool(np.all(np.abs(values) < RUNAWAY))
@@ -85,15 +93,30 @@ def _points(variant: Variant, base: Model, scales: Scales) -> list[Values]:
     first, points = f'{key}.{card.amplitudes[0].name}', []
     for one in product(*(card.grid[p.name] for p in gridded)) if gridded else ():
         point = {
-            f'{key}.{p.name}': x * scales.size(p.scale) for p, x in zip(gridded, one, strict=True)
+            f'{key}.{p.name}': x if p.name in card.slows.values() else x * scales.size(p.scale)
+            for p, x in zip(gridded, one, strict=True)
         }
-        boxes = {name: model.parameters[name] for name in point}
-        inside = {
-            name: float(np.clip(v, boxes[name].lower, boxes[name].upper))
-            for name, v in point.items()
-        }
-        points.append(inside | shrunk(card, base, inside[first], model[first]))
-    return points
+        point |= _slowed(variant, base, point, point[first])
+        point |= shrunk(card, base, point[first], model[first])
+        points.append(model.parameters.inside(point))
+    return [point for k, point in enumerate(points) if point not in points[:k]]
+
+
+def _slowed(variant: Variant, base: Model, point: Values, load: float) -> Values:
+    """Return how fast friction of its own slows a load, and what that leaves of the motor's.
+
+    `point` holds the share of the friction that the load has; with `load` times the motor's own
+    inertia, it and the motor are together as slow as `base`.
+    """
+    card, key = variant.effect.card, variant.effect.key
+    whole = next((base[name] for name in card.shrinks if name in base.parameters), 0.0)
+    found = {f'{key}.{shape}': 0.0 for shape in card.slows.values()}
+    for name, shape in card.slows.items():
+        if name in base.parameters and whole > 0:
+            share, own = point[f'{key}.{shape}'], base[name]
+            found[name] = (1.0 - share) * own
+            found[f'{key}.{shape}'] = share * own / whole * (1.0 + load) / load
+    return found
 
 
 def _runs(

@@ -10,7 +10,7 @@ from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.candidates.variants import shrunk
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.gates import MIN_GAIN_PERCENT, NO_EVIDENCE, UNPHYSICAL
-from motor_sysid.diagnosis.search.grid_starts import starts_on_grid
+from motor_sysid.diagnosis.search.grid_starts import begun_at, starts_on_grid
 from motor_sysid.diagnosis.search.rung import (
     ASTRAY,
     climb,
@@ -95,7 +95,7 @@ def try_roughly(
     one, model = starts[0], _opened(starts[0].variant.model, rung.model, starts[0])
     if level.is_incomplete or one.delta_bic > bench.threshold:
         points = starts_on_grid(one.variant, rung.model, bench)
-        tried += [(one, model.with_values(point)) for point in points]
+        tried += [(one, begun_at(point, model, one.variant)) for point in points]
     if not tried:
         return Trial(one, rung, one.delta_bic, 0.0, 0.0, UNPHYSICAL, np.inf)
     one, model = tried[0]
@@ -139,7 +139,8 @@ def _bent(trial: Trial, level: Level, bench: Bench) -> Trial:
     helps = trial.rung.training.error_percent < least
     for shape in trial.scored.variant.effect.card.shapes if helps else ():
         name, size = f'{trial.key}.{shape.name}', bench.scales.size(shape.scale)
-        for start in shape.bends:
+        held = not trial.rung.model.parameters[name].free
+        for start in shape.bends if held else ():
             model = trial.rung.model.with_values({name: start * size}).with_free([name])
             found = rough_fit(model, trial.rung.result.weighting, bench, ROUGH_STEPS)
             found = _undrained(found, trial.key, bench)

@@ -16,6 +16,7 @@ from motor_sysid.estimation.batch import (
     FitResult,
     Linearization,
     Weighting,
+    without_memory,
 )
 from motor_sysid.estimation.batch.least_squares import newton_step, normal_equations
 from motor_sysid.physics.effect import Scale
@@ -208,7 +209,9 @@ def some_of(bench: Bench, model: Model) -> tuple[Chain, ...]:
         card.moment or (card.states and not any(p.scale in _FAST for p in card.parameters))
         for card in cards
     )
-    return bench.train if lasting or not bench.rough else bench.rough
+    if lasting or not bench.rough:
+        return bench.train
+    return bench.rough if any(card.strikes for card in cards) else without_memory(bench.rough)
 
 
 def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:

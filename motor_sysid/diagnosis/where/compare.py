@@ -12,6 +12,7 @@ from motor_sysid.diagnosis.where.unexplained import lack_of
 from motor_sysid.diagnosis.where.where import errors_by
 from motor_sysid.estimation.batch import Chain, Linearization, Problem, white
 from motor_sysid.estimation.batch.chains import Stretch
+from motor_sysid.estimation.batch.starts import told_at_start
 from motor_sysid.physics.model import Model
 from motor_sysid.signals.metrics import sizes_of
 from motor_sysid.signals.noise import noise_sigma
@@ -71,7 +72,8 @@ def compare(
 
 def starts_matter(problem: Problem) -> bool:
     """Whether what is measured tells but roughly how a run of the model begins."""
-    return 'position' in problem.outputs or _late(problem.model) > 0.0
+    doubts = any(problem.model.effect(key).doubts for key in problem.model.effects)
+    return 'position' in problem.outputs or _late(problem.model) > 0.0 or doubts
 
 
 def likely(near: Sequence[Linearization], problem: Problem) -> list[Array]:
@@ -80,7 +82,7 @@ def likely(near: Sequence[Linearization], problem: Problem) -> list[Array]:
         return [one.residual for one in near]
     noise, late = white([one.residual for one in near]), _late(problem.model)
     return [
-        problem.settled(one, noise, _spread(stretch, problem.model.kind.states, late, one))
+        problem.settled(one, noise, _spread(stretch, problem.model, late, one))
         for one, stretch in zip(near, problem.stretches, strict=True)
     ]
 
@@ -94,15 +96,15 @@ def _late(model: Model) -> float:
 
 
 def _spread(
-    stretch: Stretch, states: Sequence[str], late: float, near: Linearization
+    stretch: Stretch, model: Model, late: float, near: Linearization
 ) -> Array:
     """Return (m,) standard deviations of the open initial states, in units of their sizes.
 
     These are the position, and the speed: a central difference of positions, or what is shown and
-    as much as that changes while an input is `late` (s).  What an input lacked before the record
-    is all of it, or nothing.
+    as much as that changes while an input is `late` (s); and what an effect has doubts of.  What
+    an input lacked before the record is all of it, or nothing.
     """
-    record, dt = stretch.record, stretch.drive.dt
+    record, dt, states = stretch.record, stretch.drive.dt, model.kind.states
     known = dict[str, float]()
     if 'position' in record:
         rounding = stretch.drive.count / np.sqrt(12.0)
@@ -111,6 +113,11 @@ def _spread(
     if 'speed' in record and 'omega' in states:
         changes = abs(float(stretch.rate[states.index('omega')])) * late
         known['omega'] = noise_sigma(record['speed']) * max(late / dt, 1.0) + changes
+    values = {name: np.array(v) for name, v in model.parameters.values().items()}
+    for key in model.effects:
+        for state, law in model.effect(key).doubts.items():
+            doubt = float(told_at_start(law, key, model.kind, stretch, values))
+            known[state] = known.get(state, 0.0) + doubt
     spread = np.ones(near.start.shape[2])
     for k, j in enumerate(stretch.open_states):
         spread[k] = known[states[j]] / stretch.state_size[j]

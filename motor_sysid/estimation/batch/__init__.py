@@ -5,6 +5,7 @@ from motor_sysid.estimation.batch.chains import (
     make_chain,
     observed_outputs,
     thinned,
+    without_memory,
 )
 from motor_sysid.estimation.batch.least_squares import fit, fit_and_slopes
 from motor_sysid.estimation.batch.multistart import fit_multistart, misfit
@@ -24,5 +25,5 @@ __all__ = [
     'METHODS', 'OPTIMIZERS', 'Chain', 'FitResult', 'Linearization', 'Prior', 'Problem',
     'Transfer', 'Weighting', 'believed', 'coloured', 'fit', 'fit_and_slopes', 'fit_multistart',
     'linear_of', 'make_chain', 'misfit', 'observed_outputs', 'pareto', 'refit', 'search',
-    'sensors_of', 'starts_of', 'thinned', 'transfer', 'white',
+    'sensors_of', 'starts_of', 'thinned', 'transfer', 'white', 'without_memory',
 ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import dropwhile, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,7 @@ _BROKEN = 0.05
 a step within the samples, or the current that answers to one."""
 _EXACTLY = 1.5
 """How many times the noise it may be off where it must be as near as that."""
-_WINDOW, _RUN_IN = 1500, 100
+_WINDOW, _RUN_IN, _MEMORY = 1500, 100, 500
 _WORTH_THINNING = 1.5
 PIECE, _PAIRS = 500, 4
 """Fewest samples of a piece of held-back data where every other one is lent to training, and most
@@ -240,21 +240,33 @@ def thinned(
             count = max(round(share / _WINDOW), 1)
             width = max(int(share / count), 20)
             starts = first + (np.arange(count) + 0.5) * (length - width) / count
-            windows += [
-                (_window(stretch, int(a), int(a) + width, kind, outputs),) for a in starts
-            ]
+            windows += [_window(stretch, int(a), int(a) + width, kind, outputs) for a in starts]
     return tuple(windows)
+
+
+def without_memory(chains: Sequence[Chain]) -> tuple[Chain, ...]:
+    """Return chains without what is run first for its memory alone."""
+    return tuple(tuple(dropwhile(lambda one: not one.scored, chain)) for chain in chains)
 
 
 def _window(
     stretch: Stretch, first: int, last: int, kind: Motor, outputs: Sequence[str]
-) -> Stretch:
-    """Cut rows first to last out of a stretch, run in from a little earlier."""
+) -> Chain:
+    """Cut rows first to last out of a stretch, run in from a little earlier.
+
+    What comes before that is run for its memory alone.
+    """
     begin = max(first - _RUN_IN, 0)
-    return _stretch(
-        stretch.record, stretch.drive, begin, last, kind, outputs, first - begin, stretch.limits,
-        stretch.sampling,
-    )  # fmt: skip
+    early = max(begin - _MEMORY, 0)
+
+    def part(a: int, b: int, unscored: int) -> Stretch:
+        return _stretch(
+            stretch.record, stretch.drive, a, b, kind, outputs, unscored, stretch.limits,
+            stretch.sampling,
+        )  # fmt: skip
+
+    window = part(begin, last, first - begin)
+    return (part(early, begin, begin - early), window) if begin - early > 1 else (window,)
 
 
 def _stretch(

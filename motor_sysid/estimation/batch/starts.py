@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from motor_sysid.estimation.batch.chains import Stretch
-from motor_sysid.physics.effect import arguments, Effect
+from motor_sysid.physics.effect import arguments, Effect, Law
 from motor_sysid.physics.model import Model
 from motor_sysid.physics.motors.base import Motor, Output
 from motor_sysid.physics.summed import is_stepwise
@@ -34,8 +34,9 @@ def starts_of(
 
     Of a state that was read from what a sensor shows, the model's own laws of that sensor are
     undone.  They are straight lines in the state; a filter shows what it was fed a time constant
-    ago.  Where there is a filter, the own states of effects that begin with a state of the motor
-    follow the n states, in their order: that of a filter is what the sensor shows.
+    ago.  Where there is a filter, or an effect that tells where its own states begin, own states
+    that do not begin with zero follow the n states, in their order: that of a filter is what the
+    sensor shows.
 
     Parameters
     ----------
@@ -51,14 +52,30 @@ def starts_of(
     effects = [model.effect(key) for key in model.effects]
     sensing = [_sensor(output, effects) for output in model.kind.outputs]
     sensing = [one for one in sensing if one.filtering or one.adding]
-    filtered = any(one.filtering for one in sensing)
+    own = any(one.filtering for one in sensing) or any(one.starts for one in effects)
     found = []
     for stretch in stretches:
         state, passed = _begun(model, stretch, sensing, table)
         if shifts is not None:
             state = state + shifts * stretch.state_size
-        found.append(_with_own(model.kind, effects, state, passed) if filtered else state)
+        if own:
+            state = _with_own(model.kind, effects, state, passed, stretch, table)
+        found.append(state)
     return found
+
+
+def told_at_start(
+    law: Law, key: str, kind: Motor, stretch: Stretch, table: Mapping[str, Array]
+) -> Array | float:
+    """Return what a law of the effect `key` tells of where a stretch begins, for (P,) values.
+
+    It may ask for what is read there, for the rates of states (`d` before the name), and for
+    parameters.
+    """
+    rates = (f'd{name}' for name in kind.states)
+    known: dict[str, Array | float] = {**table, **_seen(kind, stretch)}
+    known |= dict(zip(rates, stretch.rate.tolist(), strict=True))
+    return law(*[known.get(f'{key}.{n}', known.get(n, np.nan)) for n in arguments(law)])
 
 
 def _sensor(output: Output, effects: Sequence[Effect]) -> _Sensor:
@@ -94,14 +111,17 @@ def _begun(
 
 
 def _with_own(
-    kind: Motor, effects: Sequence[Effect], state: Array, passed: Mapping[str, Array | float]
-) -> Array:
-    """Return (P, n) or (n,) states and, after them, own states of effects that begin with one."""
-    own = [
-        passed.get(one.key, state[..., kind.states.index(core)])
-        for one in effects for core in one.card.begins.values()
-    ]  # fmt: skip
-    size = state.shape[:-1]
+    kind: Motor, effects: Sequence[Effect], state: Array, passed: Mapping[str, Array | float],
+    stretch: Stretch, table: Mapping[str, Array],
+) -> Array:  # fmt: skip
+    """Return (P, n) or (n,) states and, after them, own states that do not begin with zero."""
+    own: list[Array | float] = []
+    for one in effects:
+        cores = map(kind.states.index, one.card.begins.values())
+        own += [passed.get(one.key, state[..., core]) for core in cores]
+        own += [told_at_start(law, one.key, kind, stretch, table) for law in one.starts.values()]
+    size = np.broadcast_shapes(state.shape[:-1], *map(np.shape, own))
+    state = np.broadcast_to(state, (*size, state.shape[-1]))
     more = np.stack([np.broadcast_to(value, size) for value in own], axis=-1)
     return np.concatenate((state, more), axis=-1)
 

@@ -10,10 +10,13 @@ its own.
 
 ``c`` rises from 0 to 1 over a thirtieth of the gap, half of it before the teeth meet: the blow is
 then as strong as that of a step, but for what goes with the square of that width.
+
+The grid holds teeth that do not bounce: when they strike next then hardly depends on how stiff
+they are, so that a fit finds its way from a play that is off by a third.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
-from motor_sysid.physics.laws import clip, law_function
+from motor_sysid.physics.laws import clip, law_function, sqrt
 
 CARD = Card(
     title='backlash',
@@ -34,20 +37,25 @@ CARD = Card(
               (0.15, 0.5), 0.02, 4.0),
         Shape('z', '1', 'damping ratio of the teeth', Scale.ONE, (0.4,), 0.01, 2.0),
         Shape('s_l', '1/s', 'viscous friction of the load over its inertia', Scale.RATE, (0.0,),
-              0.0, 0.05, free=False, bends=(3e-4,)),
+              0.0, 0.2, free=False, bends=(3e-4,)),
     ),
     axis='time',
     states=('phi', 'omega_l'),
     begins={'omega_l': 'omega'},
     generalises={'flexible_shaft': (('r', 'r'), ('w_a', 'w_a'), ('z', 'z'))},
     shrinks=('J', 'k_a'),
+    slows={'b': 's_l', 'k_v': 's_l'},
     pace='w_a',
     strikes=True,
     grid={
-        'r': (0.3, 1.0, 3.0),
-        'phi_g': (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0),
-        'w_a': (0.25, 0.6, 1.5, 4.0),
-        'z': (0.2,),
+        'r': (0.4, 1.0, 2.5),
+        'phi_g': (
+            0.0015, 0.0033, 0.0073, 0.016, 0.035, 0.077, 0.17, 0.37, 0.82, 1.8, 4.0, 8.7, 19.0,
+            42.0,
+        ),
+        'w_a': (0.1, 0.5),
+        'z': (1.0,),
+        's_l': (0.0, 0.4, 0.8),
     },
 )  # fmt: skip
 
@@ -62,6 +70,17 @@ def push(
     acceleration = w_a * w_a * beyond + 2.0 * z * w_a * contact * (omega - omega_l)
     side = clip(1e30 * phi, -1.0, 1.0)
     return 0.5 * (acceleration + side * abs(acceleration))
+
+
+def start_phi(omega: float, domega: float, phi_g: float, w_a: float, s_l: float) -> float:
+    """Twist in rad where teeth touch and give a load that is in motion its acceleration."""
+    pushed = domega + s_l * omega
+    return clip(1e30 * pushed, -1.0, 1.0) * phi_g + pushed / w_a**2
+
+
+def doubt_omega(domega: float, r: float, phi_g: float) -> float:
+    """Speed in rad/s by which a load that fell through the play moves both when it is caught."""
+    return r / (1.0 + r) * sqrt(4.0 * phi_g * abs(domega))
 
 
 def torque(
