@@ -163,8 +163,13 @@ def better_of(*trials: Trial) -> Trial:
 
 
 def _as_in(found: Model, model: Model) -> Model:
-    """Return a model with the values of what it shares with another one, inside its own boxes."""
-    return model.with_values(model.parameters.inside(found.parameters.values()))
+    """Return a model with the values of what it shares with another one, inside its own boxes.
+
+    What is free there is free.
+    """
+    shared = model.parameters.inside(found.parameters.values())
+    free = [p.name for p in found.parameters.free if p.name in shared]
+    return model.with_values(shared).with_free(free)
 
 
 def _is_above(first: FitResult, rung: Rung, bench: Bench) -> bool:

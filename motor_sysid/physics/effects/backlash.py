@@ -73,9 +73,13 @@ def push(
 
 
 def start_phi(omega: float, domega: float, phi_g: float, w_a: float, s_l: float) -> float:
-    """Twist in rad where teeth touch and give a load that is in motion its acceleration."""
+    """Twist in rad where teeth touch and give a load that is in motion its acceleration.
+
+    Less, down to none, where it would not have crossed the play yet had it begun at rest.
+    """
     pushed = domega + s_l * omega
-    return clip(1e30 * pushed, -1.0, 1.0) * phi_g + pushed / w_a**2
+    crossed = clip(omega**2 / (4.0 * phi_g * abs(pushed) + 1e-300), 0.0, 1.0)
+    return crossed * (clip(1e30 * pushed, -1.0, 1.0) * phi_g + pushed / w_a**2)
 
 
 def doubt_omega(domega: float, r: float, phi_g: float) -> float:
