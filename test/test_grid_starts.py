@@ -20,7 +20,7 @@ HIDDEN = {
     'flexible_shaft': {'r': 1.2, 'w_a': 260.0, 'z': 0.04},
     'backlash': {'r': 1.0, 'phi_g': 0.02, 'w_a': 600.0, 'z': 0.2},
 }
-GRIDDED = [key for key, one in catalogue().items() if one.card.grid]
+GRIDS = [(key, grid) for key, one in catalogue().items() for grid in one.card.grids]
 
 
 def level_of(key: str):
@@ -34,7 +34,7 @@ def level_of(key: str):
     return bench, Level.of(rung, bench, scores.weighting), scores.singles
 
 
-@pytest.mark.parametrize('key', GRIDDED)
+@pytest.mark.parametrize('key', dict(GRIDS))
 def test_the_fit_from_the_grid_finds_what_is_hidden(key):
     bench, level, variants = level_of(key)
     points = starts_on_grid(variants[0].variant, level.rung.model, bench)
@@ -81,16 +81,19 @@ def test_a_grid_is_tried_where_something_is_missing(monkeypatch, cost, evidence,
     assert bool(points) is asked
 
 
-@pytest.mark.parametrize('key', GRIDDED)
-def test_a_grid_is_of_the_cards_own_parameters_and_inside_their_boxes(key):
+@pytest.mark.parametrize(('key', 'grid'), GRIDS)
+def test_a_grid_is_of_the_cards_own_parameters_and_inside_their_boxes(key, grid):
     card = catalogue()[key].card
     own = {p.name: p for p in card.parameters}
-    assert set(card.grid) <= set(own)
-    assert card.amplitudes[0].name in card.grid, 'at none of it there is nothing to try'
-    for name, values in card.grid.items():
+    assert set(grid) <= set(own)
+    assert card.amplitudes[0].name in grid, 'at none of it there is nothing to try'
+    for name, values in grid.items():
         low = getattr(own[name], 'lower', 0.0)
         high = getattr(own[name], 'upper', getattr(own[name], 'limit', None))
-        assert all(low < value <= high for value in values)
+        if name in card.slows.values():
+            assert all(0 <= share < 1 for share in values)
+        else:
+            assert all(low < value <= high for value in values)
         assert list(values) == sorted(set(values))
 
 

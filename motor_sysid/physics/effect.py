@@ -246,10 +246,10 @@ class Card:
     strikes:
         Whether its own states strike something: each blow depends on the last one, so that outputs
         are smooth functions of any parameter only over a hundredth of it.
-    grid:
+    grids:
         Parameter to finite values, in units of its scale, of all combinations of which the best
-        are tried as starts; for an effect of whose strength a touch tells little.  That of a shape
-        that `slows` is in shares of the motor's friction.
+        are tried as starts; for an effect of whose strength a touch tells little.  Values of what
+        `slows` are shares of the motor's friction.
     inherent:
         Largest usual value of the first amplitude (SI), for what every motor has: up to it, it
         goes first among what explains as well, beyond it last; 0 for any other effect.
@@ -289,7 +289,7 @@ class Card:
     linear: bool = False
     pace: str = ''
     strikes: bool = False
-    grid: Mapping[str, tuple[float, ...]] = field(default_factory=dict)
+    grids: tuple[Mapping[str, tuple[float, ...]], ...] = ()
     inherent: float = 0.0
     misfit: float = FAITHFUL
     hidden_by: tuple[str, ...] = ()

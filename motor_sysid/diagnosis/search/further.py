@@ -46,7 +46,7 @@ def unpromised(scores: Scores, trials: Sequence[Trial]) -> list[list[Scored]]:
         if best == -np.inf and not one.variant.model.parameters.free:
             return True
         weak = best < MIN_FURTHER_GAIN_PERCENT
-        return weak and bool(one.variant.effect.card.grid) and one.delta_bic > 0.0
+        return weak and bool(one.variant.effect.card.grids) and one.delta_bic > 0.0
 
     further = [o for o in scores.singles if o.variant.effect.key not in tried and has_a_turn(o)]
     return best_per_effect(further, len(further))
@@ -126,7 +126,7 @@ def tried_again(
     They must lower it by more than the `least`, in percent.  What began at the best of a grid has
     been everywhere.
     """
-    first = [one[0] for one in chosen if not one[0].variant.effect.card.grid]
+    first = [one[0] for one in chosen if not one[0].variant.effect.card.grids]
     starts = {one.variant.effect.key: one for one in first}
     possible = [
         t for t in trials if t.key in starts and t.note != UNPHYSICAL and t.gain_percent > least

@@ -87,18 +87,18 @@ def _stays(values: Array) -> bool:
 
 
 def _points(variant: Variant, base: Model, scales: Scales) -> list[Values]:
-    """Return every combination of the grid, and what it shrinks in its share, inside the boxes."""
+    """Return every combination of a grid, and what it shrinks in its share, inside the boxes."""
     card, key, model = variant.effect.card, variant.effect.key, variant.model
-    gridded = [p for p in card.parameters if p.name in card.grid]
-    first, points = f'{key}.{card.amplitudes[0].name}', []
-    for one in product(*(card.grid[p.name] for p in gridded)) if gridded else ():
-        point = {
-            f'{key}.{p.name}': x if p.name in card.slows.values() else x * scales.size(p.scale)
-            for p, x in zip(gridded, one, strict=True)
-        }
-        point |= _slowed(variant, base, point, point[first])
-        point |= shrunk(card, base, point[first], model[first])
-        points.append(model.parameters.inside(point))
+    scale = {p.name: scales.size(p.scale) for p in card.parameters}
+    scale |= dict.fromkeys(card.slows.values(), 1.0)
+    first, points = f'{key}.{card.amplitudes[0].name}', list[Values]()
+    for grid in card.grids:
+        for one in product(*grid.values()):
+            chosen = zip(grid, one, strict=True)
+            point = {f'{key}.{name}': value * scale[name] for name, value in chosen}
+            point |= _slowed(variant, base, point, point[first])
+            point |= shrunk(card, base, point[first], model[first])
+            points.append(model.parameters.inside(point))
     return [point for k, point in enumerate(points) if point not in points[:k]]
 
 
@@ -113,7 +113,7 @@ def _slowed(variant: Variant, base: Model, point: Values, load: float) -> Values
     found = {f'{key}.{shape}': 0.0 for shape in card.slows.values()}
     for name, shape in card.slows.items():
         if name in base.parameters and whole > 0:
-            share, own = point[f'{key}.{shape}'], base[name]
+            share, own = point.get(f'{key}.{shape}', 0.0), base[name]
             found[name] = (1.0 - share) * own
             found[f'{key}.{shape}'] = share * own / whole * (1.0 + load) / load
     return found

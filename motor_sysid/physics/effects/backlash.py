@@ -11,8 +11,9 @@ its own.
 ``c`` rises from 0 to 1 over a thirtieth of the gap, half of it before the teeth meet: the blow is
 then as strong as that of a step, but for what goes with the square of that width.
 
-The grid holds teeth that do not bounce: when they strike next then hardly depends on how stiff
-they are, so that a fit finds its way from a play that is off by a third.
+Of a play that passes soon the grid holds teeth that bounce, as of a flexible shaft; of a wide one
+some that do not, so that when they strike next hardly depends on how stiff they are, and a fit
+finds its way from a play that is off by a third.
 """
 
 from motor_sysid.physics.effect import Amplitude, Card, Enters, Scale, Shape
@@ -47,16 +48,21 @@ CARD = Card(
     slows={'b': 's_l', 'k_v': 's_l'},
     pace='w_a',
     strikes=True,
-    grid={
-        'r': (0.4, 1.0, 2.5),
-        'phi_g': (
-            0.0015, 0.0033, 0.0073, 0.016, 0.035, 0.077, 0.17, 0.37, 0.82, 1.8, 4.0, 8.7, 19.0,
-            42.0,
-        ),
-        'w_a': (0.1, 0.5),
-        'z': (1.0,),
-        's_l': (0.0, 0.4, 0.8),
-    },
+    grids=(
+        {
+            'r': (0.3, 1.0, 3.0),
+            'phi_g': (0.001, 0.003, 0.01, 0.03, 0.1, 0.3, 1.0),
+            'w_a': (0.25, 0.6, 1.5, 4.0),
+            'z': (0.2,),
+        },
+        {
+            'r': (0.4, 1.0, 2.5),
+            'phi_g': (0.17, 0.37, 0.82, 1.8, 4.0, 8.7, 19.0, 42.0),
+            'w_a': (0.5,),
+            'z': (1.0,),
+            's_l': (0.0, 0.4, 0.8),
+        },
+    ),
 )  # fmt: skip
 
 
