@@ -24,6 +24,7 @@ from motor_sysid.diagnosis.search.gates import (
     UNCERTAIN,
     UNPHYSICAL,
 )
+from motor_sysid.diagnosis.search.lacking import following
 from motor_sysid.diagnosis.search.ranking import (
     is_special,
     NEARLY_ALL,
@@ -165,6 +166,9 @@ def refitted(
     trials = in_threads(roughly, chosen)
     if level.cost > ONLY_NOISE * level.rows:
         trials += in_threads(roughly, unpromised(scores, trials))
+    if level.is_incomplete and (not helps(trials) or leaves_much(rung, bench)):
+        had = {trial.key for trial in trials}
+        trials += in_threads(roughly, following(rung, bench, scores.singles, had))
     if thorough and not helps(trials) and leaves_much(rung, bench, RESTLESS):
         lost = is_lost(rung, bench, base)
         count = (limit if base else None) if lost else 0

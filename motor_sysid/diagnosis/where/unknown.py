@@ -99,7 +99,7 @@ def _unknown(
     further = {**driven(model, records, states), **many_turns(model, states), **own_time(records)}
     axes = {**failure.axes, **further}
     shares = tuple(
-        AxisShare(rows.force, quantity, unit, name, *_share(rows, columns))
+        AxisShare(rows.force, quantity, unit, name, *share_and_certainty(rows, columns))
         for name, columns in free_functions(model, failure, axes, rows).items()
     )
     best = _named(shares)
@@ -197,7 +197,7 @@ def _best_shape(rows: Rows, shapes: Iterable[Shape], axis: Axis) -> _Best | None
     return min(plain, key=lambda one: one[0])[1] if plain else best
 
 
-def _share(rows: Rows, columns: Array) -> tuple[float, float]:
+def share_and_certainty(rows: Rows, columns: Array) -> tuple[float, float]:
     explained, certainty = rows.explained(rows.predicted(columns))
     whole = max(rows.power - rows.noise, FAINT * rows.noise, explained, 1e-300)
     return float(np.clip(explained / whole, 0.0, 1.0)), certainty
