@@ -179,8 +179,8 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
         for lane, k in enumerate(acting):
             for j, name in enumerate(forces):
                 if name in touches[k].variant.effect.laws:
-                    pushes[number][:, 0, j, lane + 1] = _law(touches[k], name, path)
-                    pushes[number][:, 1, j, lane + 1] = _law(touches[k], name, ended)
+                    pushes[number][:, 0, j, lane + 1] = law_along(touches[k], name, path)
+                    pushes[number][:, 1, j, lane + 1] = law_along(touches[k], name, ended)
     values = problem.model.parameters.values()
     table = {name: np.full(len(acting) + 1, values[name]) for name in problem.program.names}
     runs = run_lanes(problem.program, problem.model, problem, table, pushes)
@@ -194,7 +194,7 @@ def _pushed(problem: Problem, touches: Sequence[Touch]) -> list[list[Array]]:
                 change += run[:, :, acting.index(k) + 1] - run[:, :, 0]
             for y, signal in enumerate(problem.outputs):
                 if f'{signal}_sensor' in touch.variant.effect.laws:
-                    change[:, y] += _law(touch, f'{signal}_sensor', path)[first:]
+                    change[:, y] += law_along(touch, f'{signal}_sensor', path)[first:]
             parts.append(_finite(change / touch.size))
         found.append(parts)
     return found
@@ -244,7 +244,7 @@ def scored_paths(
     ]
 
 
-def _law(touch: Touch, name: str, path: Path) -> Array:
+def law_along(touch: Touch, name: str, path: Path) -> Array:
     """Return the (N,) value of one law of the touched variant along a path."""
     one = touch.variant.effect
     values = touch.values

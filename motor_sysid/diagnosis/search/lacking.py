@@ -12,15 +12,18 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from motor_sysid.diagnosis.candidates.columns import law_along, Touch
 from motor_sysid.diagnosis.candidates.score import Scored
+from motor_sysid.diagnosis.candidates.variants import Variant
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.where.orthogonal_rows import Rows, rows_of
 from motor_sysid.diagnosis.where.unexplained import Lack, lack_of, orthogonal, share_of
 from motor_sysid.diagnosis.where.unknown import LEAST_CERTAINTY, LEAST_SHARE, share_and_certainty
 from motor_sysid.diagnosis.where.where import Failure
-from motor_sysid.physics.effect import Amplitude, arguments
+from motor_sysid.physics.effect import arguments
 from motor_sysid.signals.noise import noise_sigmas
+from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
 
@@ -42,83 +45,79 @@ def following(
     rung:
         The fitted model.
     singles:
-        Scores of all variants; the starts have amplitudes of their own.
+        Scores of all variants; the starts have amplitudes of their own, and those of the score.
     tried:
         Keys of effects that had their turn.
     """
-    lacks = _lacks(rung, bench)
-    if not lacks or not lacks[0].forces:
+    raw = _lacks(rung, bench)
+    if not raw or not raw[0].forces:
         return []
-    share = share_of(lacks)
-    failure = Failure((), (), (), tuple(orthogonal(lacks, share)), share, {})
+    share = share_of(raw)
+    lacks = orthogonal(raw, share)
+    failure = Failure((), (), (), tuple(lacks), share, {})
     residuals = (*rung.training.residuals, *rung.validation.residuals)
     noise = noise_sigmas(residuals, bench.differenced(rung.model))
     sigmas = dict(zip(bench.outputs, noise.tolist(), strict=True))
     rows = {one.force: one for one in rows_of(rung.model, failure, bench.records[0].dt, sigmas)}
-    found: dict[str, tuple[float, Scored]] = {}
+    found: dict[str, tuple[float, Scored, Scored]] = {}
     for one in singles:
         key = one.variant.effect.key
         if key in tried:
             continue
-        for part, start in _shares(one, rows, lacks, bench):
+        for part, start in _starts(one, rows, lacks, bench.records):
             if part > found.get(key, (0.0,))[0]:
-                found[key] = part, start
-    best = max((part for part, _ in found.values()), default=0.0)
-    order = sorted(found.values(), key=lambda pair: -pair[0])
-    return [[start] for part, start in order[:MOST] if part >= max(LEAST_SHARE, NEARLY * best)]
+                found[key] = part, start, one
+    best = max((part for part, *_ in found.values()), default=0.0)
+    order = sorted(found.values(), key=lambda each: -each[0])
+    chosen = [pair for share, *pair in order[:MOST] if share >= max(LEAST_SHARE, NEARLY * best)]
+    return [[start, one] if one.allowed else [start] for start, one in chosen]
 
 
 def _lacks(rung: Rung, bench: Bench) -> list[Lack]:
     """Return what the model lacks on each record that is reported."""
     predicted = (*rung.training.predictions, *rung.validation.predictions)
-    return [
-        lack_of(rung.model, record, one)
-        for record, one in zip(bench.records, predicted, strict=True)
-    ]
+    pairs = zip(bench.records, predicted, strict=True)
+    return [lack_of(rung.model, record, one) for record, one in pairs]
 
 
-def _shares(
-    one: Scored, rows: Mapping[str, Rows], lacks: Sequence[Lack], bench: Bench
+def _starts(
+    one: Scored, rows: Mapping[str, Rows], lacks: Sequence[Lack], records: Sequence[Record]
 ) -> Iterator[tuple[float, Scored]]:
-    """Yield the share that a variant predicts of what an equation lacks, with its amplitudes."""
+    """Yield which share a variant predicts of what an equation lacks, with its amplitudes there.
+
+    Laws with a memory, and those that replace one of the model, have no such columns.
+    """
     variant, card = one.variant, one.variant.effect.card
-    names = [a.name for a in card.amplitudes]
     if card.states or card.delay or variant.inherits or not variant.model.parameters.free:
         return
-    for force, law in variant.effect.laws.items():
-        if force not in rows:
+    for force in rows.keys() & variant.effect.laws.keys():
+        pairs = zip(lacks, records, strict=True)
+        parts = [_columns(variant, force, lack, record) for lack, record in pairs]
+        if not all(part.size for part in parts):
             continue
-        parts = [_columns(one, law, lack, record) for lack, record in zip(lacks, bench.records)]
-        if any(part is None for part in parts):
+        columns = rows[force].take(parts)
+        if not np.any(columns):
             continue
-        here = rows[force]
-        columns = here.take([part for part in parts if part is not None])
-        if not np.all(np.isfinite(columns)) or not np.any(columns):
-            continue
-        part, certainty = share_and_certainty(here, columns)
-        sizes = dict(zip(names, here.fitted(columns)[0].tolist(), strict=True))
-        if certainty >= LEAST_CERTAINTY and _is_possible(card.amplitudes, sizes):
-            yield part, replace(one, amplitudes=sizes, allowed=True, base={})
+        share, certainty = share_and_certainty(rows[force], columns)
+        fitted = rows[force].fitted(columns)[0].tolist()
+        sizes = dict(zip((a.name for a in card.amplitudes), fitted, strict=True))
+        possible = all(sizes[a.name] > 0.0 for a in card.amplitudes if a.positive)
+        if certainty >= LEAST_CERTAINTY and possible:
+            yield share, replace(one, amplitudes=sizes, allowed=True)
 
 
-def _columns(one: Scored, law, lack: Lack, record) -> Array | None:
-    variant = one.variant
-    values, key = variant.model.parameters.values(), variant.effect.key
-    dt, count = record.dt, len(record)
-    known = {**values, **{p.name: values[f'{key}.{p.name}'] for p in variant.effect.card.parameters}}
-    known |= {**lack.states, 't': np.arange(count) * dt}
-    if 'omega' in known:
-        known['turn'] = dt * known['omega']
-    found = []
-    for amplitude in variant.effect.card.amplitudes:
-        zeros = dict.fromkeys((a.name for a in variant.effect.card.amplitudes), 0.0)
-        unit = {**known, **zeros, amplitude.name: 1.0}
-        if not set(arguments(law)) <= unit.keys():
-            return None
-        with np.errstate(all='ignore'):
-            found.append(np.broadcast_to(law(*[unit[n] for n in arguments(law)]), count))
-    return np.stack(found, axis=1).astype(np.float64)
-
-
-def _is_possible(amplitudes: Sequence[Amplitude], sizes: Mapping[str, float]) -> bool:
-    return all(sizes[a.name] > 0.0 for a in amplitudes if a.positive)
+def _columns(variant: Variant, force: str, lack: Lack, record: Record) -> Array:
+    """Return (N, a) what one of each amplitude adds to a force; none where that is not known."""
+    path: dict[str, Array] = {**lack.states, 't': record.dt * np.arange(float(len(record)))}
+    if 'omega' in path:
+        path['turn'] = np.asarray(record.dt * path['omega'], dtype=np.float64)
+    known = {*path, *variant.model.parameters.values()}
+    known |= {p.name for p in variant.effect.card.parameters}
+    if not known >= {*arguments(variant.effect.laws[force])}:
+        return np.empty((0, 0))
+    names = [f'{variant.effect.key}.{a.name}' for a in variant.effect.card.amplitudes]
+    with np.errstate(all='ignore'):
+        still = law_along(Touch(variant, names[0], 0.0), force, path)
+        found = [law_along(Touch(variant, name, 1.0), force, path) - still for name in names]
+    columns = np.stack(found, axis=1)
+    return columns if np.all(np.isfinite(columns)) else np.empty((0, 0))

@@ -166,9 +166,10 @@ def refitted(
     trials = in_threads(roughly, chosen)
     if level.cost > ONLY_NOISE * level.rows:
         trials += in_threads(roughly, unpromised(scores, trials))
-    if level.is_incomplete and (not helps(trials) or leaves_much(rung, bench)):
+    if level.is_incomplete and (not helps(trials) or (worth and leaves_much(rung, bench))):
         had = {trial.key for trial in trials}
-        trials += in_threads(roughly, following(rung, bench, scores.singles, had))
+        lacked = in_threads(roughly, following(rung, bench, scores.singles, had))
+        trials += in_threads(lambda t: settled(t, level, bench) if t.delta_bic > 0.0 else t, lacked)
     if thorough and not helps(trials) and leaves_much(rung, bench, RESTLESS):
         lost = is_lost(rung, bench, base)
         count = (limit if base else None) if lost else 0

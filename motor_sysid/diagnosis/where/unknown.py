@@ -198,6 +198,11 @@ def _best_shape(rows: Rows, shapes: Iterable[Shape], axis: Axis) -> _Best | None
 
 
 def share_and_certainty(rows: Rows, columns: Array) -> tuple[float, float]:
+    """Return which share of what is lacking (K, k) columns predict, and how sure that is.
+
+    It is beyond sensor noise and in blocks of time that they were not fitted to; the second is the
+    gain in units of its standard error.
+    """
     explained, certainty = rows.explained(rows.predicted(columns))
     whole = max(rows.power - rows.noise, FAINT * rows.noise, explained, 1e-300)
     return float(np.clip(explained / whole, 0.0, 1.0)), certainty
