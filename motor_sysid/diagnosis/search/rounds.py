@@ -166,10 +166,7 @@ def refitted(
     trials = in_threads(roughly, chosen)
     if level.cost > ONLY_NOISE * level.rows:
         trials += in_threads(roughly, unpromised(scores, trials))
-    if level.is_incomplete and (not helps(trials) or (worth and leaves_much(rung, bench))):
-        had = {trial.key for trial in trials}
-        lacked = in_threads(roughly, following(rung, bench, scores.singles, had))
-        trials += in_threads(lambda t: settled(t, level, bench) if t.delta_bic > 0.0 else t, lacked)
+    trials += _of_what_is_lacking(trials, scores, level, bench, roughly)
     if thorough and not helps(trials) and leaves_much(rung, bench, RESTLESS):
         lost = is_lost(rung, bench, base)
         count = (limit if base else None) if lost else 0
@@ -186,6 +183,26 @@ def refitted(
     tell(f'refitting the best {sum(map(contends, trials))} of {len(trials)}')
     trials = in_threads(finally_, trials)
     return sorted(trials, key=lambda t: (not t.passes, -t.delta_bic))
+
+
+def _of_what_is_lacking(
+    trials: Sequence[Trial],
+    scores: Scores,
+    level: Level,
+    bench: Bench,
+    fit: Callable[[Sequence[Scored]], Trial],
+) -> list[Trial]:
+    """Return trials of effects beside those whose laws follow what the equations lack.
+
+    Only where nothing helps, or a model with effects leaves much.  Those with evidence are fitted
+    in full: base parameters have taken in a part of what is missing and have far to go.
+    """
+    much = bool(level.rung.model.effects) and leaves_much(level.rung, bench)
+    if not level.is_incomplete or (helps(trials) and not much):
+        return []
+    had = {trial.key for trial in trials}
+    rough = in_threads(fit, following(level.rung, bench, scores.singles, had))
+    return in_threads(lambda t: settled(t, level, bench) if t.delta_bic > 0.0 else t, rough)
 
 
 def _beside_the_best(trials: Sequence[Trial], level: Level, bench: Bench) -> list[Trial]:
