@@ -90,7 +90,7 @@ def _starts(
     variant, card = one.variant, one.variant.effect.card
     if card.states or card.delay or variant.inherits or not variant.model.parameters.free:
         return
-    for force in rows.keys() & variant.effect.laws.keys():
+    for force in (name for name in rows if name in variant.effect.laws):
         pairs = zip(lacks, records, strict=True)
         parts = [_columns(variant, force, lack, record) for lack, record in pairs]
         if not all(part.size for part in parts):
