@@ -58,8 +58,17 @@ def test_a_complete_motor_gives_nobody_a_turn():
 
 
 def test_no_effect_follows_with_a_sign_that_is_impossible():
-    """A load that helps the motion is no friction."""
+    """What helps the motion is no friction, however well it follows."""
     rung, bench, singles = fitted({'coulomb_friction': {'tau_c': 2e-3}})
-    for start, *_ in following(rung, bench, singles, set()):
-        card = start.variant.effect.card
-        assert all(start.amplitudes[a.name] > 0.0 for a in card.amplitudes if a.positive)
+    mine = [one for one in singles if one.variant.effect.key == 'coulomb_friction']
+    assert following(rung, bench, mine, set())
+    count = len(rung.training.predictions)
+    predicted = (*rung.training.predictions, *rung.validation.predictions)
+    pairs = zip(bench.records, predicted, strict=True)
+    turned = tuple({name: 2 * r[name] - p[name] for name in p} for r, p in pairs)
+    helped = replace(
+        rung,
+        training=replace(rung.training, predictions=turned[:count]),
+        validation=replace(rung.validation, predictions=turned[count:]),
+    )
+    assert following(helped, bench, mine, set()) == []

@@ -64,13 +64,13 @@ def run(seed: int, slowed: float = B_L) -> Record:
     return Record(time, signals, {'torque': 'N m', 'position': 'rad', 'speed': 'rad/s'})
 
 
-def close_to_truth(model: Model, slowed: float) -> bool:
-    """Whether a model has all the true parameters within 8 %."""
+def close_to_truth(model: Model, slowed: float, within: float = 0.05) -> bool:
+    """Whether a model has all the true parameters within a share of them."""
     truth = {
         'J': J, 'b': B, 'backlash.r': J_L / J, 'backlash.phi_g': GAP,
         'backlash.w_a': math.sqrt(STIFF / J_L), 'backlash.s_l': slowed / J_L,
     }  # fmt: skip
-    return all(model[name] == pytest.approx(value, rel=0.08) for name, value in truth.items())
+    return all(model[name] == pytest.approx(value, rel=within) for name, value in truth.items())
 
 
 def true_model() -> Model:
@@ -81,13 +81,16 @@ def true_model() -> Model:
     return base.with_speed_sensor(SpeedSensor.DIFFERENCE).with_effect('backlash', shapes)
 
 
-@pytest.mark.parametrize('slowed', [B_L, 2 * B])
-def test_play_before_a_load_with_friction_is_found_with_both(slowed):
-    """With all friction at the motor it was told as a flexible shaft, or nothing was named."""
+@pytest.mark.parametrize(('slowed', 'within'), [(B_L, 0.05), (2 * B, 0.08)])
+def test_play_before_a_load_with_friction_is_found_with_both(slowed, within):
+    """With all friction at the motor it was told as a flexible shaft, or nothing was named.
+
+    The more of it is the load's, the less 6 s tell of the motor's: 7 % off, where nothing else is.
+    """
     records = [run(seed, slowed) for seed in (1, 2, 3)]
     found = diagnose(records[:2], records[2:], effects=('backlash', 'flexible_shaft'))
     assert (found.verdict, found.effects) == (Verdict.EFFECT_MISSING, ('backlash',))
-    assert close_to_truth(found.steps[-1].model, slowed)
+    assert close_to_truth(found.steps[-1].model, slowed, within)
 
 
 def test_play_is_found_in_records_that_begin_in_motion():
@@ -99,7 +102,7 @@ def test_play_is_found_in_records_that_begin_in_motion():
 
 
 def test_the_true_model_leaves_little_more_than_noise_where_a_record_begins_in_motion():
-    """In the first 0.8 s; of a load that begins at rest amid the play it left three times that."""
+    """In the first 0.8 s; where every load began amid the play it was 3.3 times the noise."""
     model, noise = true_model(), COUNT / DT / math.sqrt(6)
 
     def left(seed: int, first: int) -> float:

@@ -119,6 +119,8 @@ def _problem(one: Effect) -> str:
     card, names = one.card, [p.name for p in one.card.parameters]
     twice = next((name for name in names if names.count(name) > 1), '')
     laws = {**one.laws, **one.rates}
+    laws |= {f'start_{name}': law for name, law in one.starts.items()}
+    laws |= {f'doubt_{name}': law for name, law in one.doubts.items()}
     broken = next((name for name, law in laws.items() if not callable(law)), '')
     enters: object = card.enters
     if not re.fullmatch(r'[\w-]+', one.key):

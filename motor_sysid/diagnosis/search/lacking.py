@@ -20,7 +20,6 @@ from motor_sysid.diagnosis.search.rung import Rung
 from motor_sysid.diagnosis.where.orthogonal_rows import Rows, rows_of
 from motor_sysid.diagnosis.where.unexplained import Lack, lack_of, orthogonal, share_of
 from motor_sysid.diagnosis.where.unknown import LEAST_CERTAINTY, LEAST_SHARE, share_and_certainty
-from motor_sysid.diagnosis.where.where import Failure
 from motor_sysid.physics.effect import arguments
 from motor_sysid.signals.noise import noise_sigmas
 from motor_sysid.signals.record import Record
@@ -54,11 +53,11 @@ def following(
         return []
     share = share_of(raw)
     lacks = orthogonal(raw, share)
-    failure = Failure((), (), (), tuple(lacks), share, {})
     residuals = (*rung.training.residuals, *rung.validation.residuals)
     noise = noise_sigmas(residuals, bench.differenced(rung.model))
     sigmas = dict(zip(bench.outputs, noise.tolist(), strict=True))
-    rows = {one.force: one for one in rows_of(rung.model, failure, bench.records[0].dt, sigmas)}
+    dt = bench.records[0].dt
+    rows = {one.force: one for one in rows_of(rung.model, lacks, share, dt, sigmas)}
     found: dict[str, tuple[float, Scored, Scored]] = {}
     for one in singles:
         key = one.variant.effect.key

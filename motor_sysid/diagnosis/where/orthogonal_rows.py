@@ -8,8 +8,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import convolve1d
 from scipy.stats import t as student
 
-from motor_sysid.diagnosis.where.unexplained import KERNEL, WINDOW
-from motor_sysid.diagnosis.where.where import Failure
+from motor_sysid.diagnosis.where.unexplained import KERNEL, Lack, Share, WINDOW
 from motor_sysid.physics.model import Model, SpeedSensor
 
 Array = NDArray[np.float64]
@@ -125,19 +124,19 @@ class Rows:
 
 
 def rows_of(
-    model: Model, failure: Failure, dt: float, sigmas: Mapping[str, float]
+    model: Model, lacks: Sequence[Lack], share: Share, dt: float, sigmas: Mapping[str, float]
 ) -> list[Rows]:
     """Return the rows of each equation whose lack is known.
 
-    `dt` is the sample time in s, `sigmas` output to the standard deviation of its sensor noise.
+    `lacks` is what it lacks beyond the base parameters, whose `share` was taken out; `dt` is the
+    sample time in s, `sigmas` output to the standard deviation of its sensor noise.
     """
     return [
-        _rows(name, failure, _noise(model, name, dt, sigmas)) for name in failure.share.names
+        _rows(name, lacks, share, _noise(model, name, dt, sigmas)) for name in share.names
     ]
 
 
-def _rows(name: str, failure: Failure, noise: float) -> Rows:
-    lacks, share = failure.lacks, failure.share
+def _rows(name: str, lacks: Sequence[Lack], share: Share, noise: float) -> Rows:
     sizes = tuple(one.forces[name].size for one in lacks)
     first = share.names.index(name) * sum(sizes)
     parts = np.split(share.basis[first : first + sum(sizes)], np.cumsum(sizes)[:-1])

@@ -83,7 +83,7 @@ def unknown_of(
     """
     found = [
         _unknown(model, records, failure, rows)
-        for rows in rows_of(model, failure, records[0].dt, sigmas)
+        for rows in rows_of(model, failure.lacks, failure.share, records[0].dt, sigmas)
     ]
     found.sort(key=lambda u: -max(u.share, 0.0) * u.rms**2 / max(u.noise**2, 1e-300))
     return tuple(found)
