@@ -12,11 +12,10 @@ from scipy.signal import lfilter
 
 from motor_sysid.diagnosis.search import rung as rungs
 from motor_sysid.diagnosis.search.bench import base_fit, make_bench, with_scales
+from motor_sysid.diagnosis.search.gain import Gain, is_certain, is_in_few
 from motor_sysid.diagnosis.search.gates import (
     gate_note,
     gone,
-    is_certain,
-    is_in_few,
     misfit_of_laws,
     TAKES_OVER,
     TOO_LITTLE,
@@ -244,10 +243,8 @@ def note(
         result=result,
         held=SimpleNamespace(error_percent=held[1]),
     )
-    return gate_note(
-        scored, new, old, delta, gain, steady, certain, deep, threshold, 10.0, asked=20.0,
-        mends=mends,
-    )  # fmt: skip
+    gained = Gain(delta, threshold, 20.0, gain, steady, certain, deep, mends)
+    return gate_note(scored, new, old, gained, duration=10.0)
 
 
 def with_effect(key, values, others=()):

@@ -18,12 +18,8 @@ from motor_sysid.diagnosis.fitting import bench_of
 from motor_sysid.diagnosis.result.findings import Unknown
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import (
-    combined_error,
-    MIN_FURTHER_GAIN_PERCENT,
-    MIN_STEADY,
-    steadiness,
-)
+from motor_sysid.diagnosis.search.gain import gain_percent, MIN_STEADY, steadiness
+from motor_sysid.diagnosis.search.gates import MIN_FURTHER_GAIN_PERCENT
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung
 from motor_sysid.diagnosis.settings import Settings
 from motor_sysid.diagnosis.where.equation_errors import measured_states
@@ -171,7 +167,7 @@ def learned_on(base: Model, unknown: Unknown, bench: Bench, hold: bool = True) -
         tried, bench.train, bench.outputs, substeps=bench.substeps, prior=prior
     )
     after = judge(fit(problem, before.result.weighting), bench)
-    gain = 100 * (1 - combined_error(after.held, before.held))
+    gain = gain_percent(before.held, after.held)
     steady = steadiness(before.held, after.held)
     errors = (
         f'the held-out error goes from {before.validation.error_percent:.3g} to '

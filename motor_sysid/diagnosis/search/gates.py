@@ -1,12 +1,11 @@
 """Whether what an effect gains is real: the gates that it must pass."""
 
-from collections.abc import Iterator, Sequence
-import math
+from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.candidates.score import Scored
+from motor_sysid.diagnosis.search.gain import Gain, gain_percent, MIN_STEADY
 from motor_sysid.diagnosis.search.rung import certainty, Rung, SPOILED
 from motor_sysid.diagnosis.search.sense import (
     is_impossible,
@@ -15,14 +14,9 @@ from motor_sysid.diagnosis.search.sense import (
     senseless,
     TOLD,
 )
-from motor_sysid.diagnosis.where.compare import Comparison
-from motor_sysid.diagnosis.where.uneven_records import FEW
-from motor_sysid.estimation.batch import Weighting
 from motor_sysid.physics.effect import Effect
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
-
-Array = NDArray[np.float64]
 
 MIN_GAIN_PERCENT = 1.0
 MIN_FURTHER_GAIN_PERCENT = 5.0
@@ -69,14 +63,6 @@ TAKES_OVER = 'would be nothing with it'
 HELD_BACK = (TOO_LITTLE, UNSTEADY)
 """How notes begin that keep an effect out which the training data speak for."""
 
-MOSTLY = 0.5
-"""Part of a gain that must be left but for few samples where the states of a motor jump."""
-
-BLOCKS = 20
-MIN_STEADY = 0.75
-"""Steadiness of a gain over held-out blocks: the sum of what the blocks gain, over that of what
-they gain and lose.  It is 1 where no block loses and near 0.5 by chance."""
-
 NOTHING_LEFT, NEXT_TO_NOTHING = 1e-3, 1e-2
 """Parameter of the motor over what it was, below which it is nothing; beside effects that were
 there before also if it cannot be told from nothing then."""
@@ -106,10 +92,6 @@ HALVED = 0.5
 rare in the held-out data: their error need not fall steadily, nor by as much for an effect to be
 there for sure."""
 
-CERTAIN_GAIN, CERTAIN_STEADY, CERTAIN_T = 10.0, 0.9, 3.0
-"""An effect whose gain is lost in the noise of the sensors is believed if the whitened held-out
-error falls by this much and either steadily, or by so many standard errors of its block means."""
-
 MIN_SHARE, MIN_FURTHER_SHARE = 0.1, 0.5
 """Share of all that the whole dictionary could still explain, which such a small effect must
 explain alone: the first one, and further ones, which may be the misfit of the first."""
@@ -122,71 +104,6 @@ is no wider form of what the model has."""
 
 ALIKE = 0.9999
 """Share of an effect that base parameters mimic, above which they are called alike."""
-
-
-def combined_error(now: Comparison, before: Comparison) -> float:
-    """Return the error with each channel in units of its error under the model before."""
-    old, new = before.channel_percent, now.channel_percent
-    ratios = [
-        _of_nothing(now, before, j) if math.isnan(old[name]) else new[name] / max(old[name], 1e-12)
-        for j, name in enumerate(new)
-    ]
-    return float(np.sqrt(np.mean([ratio**2 for ratio in ratios])))
-
-
-def _of_nothing(now: Comparison, before: Comparison, j: int) -> float:
-    """Return the error of output j in units of that before, where no percent of it is known."""
-    new, old = (np.sqrt(np.mean(np.concatenate(c.residuals)[:, j] ** 2)) for c in (now, before))
-    return float(new / max(old, 1e-300))
-
-
-def steadiness(before: Comparison, after: Comparison) -> float:
-    """Return the steadiness of the gain, with each channel in units of its error before."""
-    size = np.sqrt(np.mean(np.concatenate(before.residuals) ** 2, axis=0)) + 1e-300
-    pairs = zip(before.residuals, after.residuals, strict=True)
-    gains = [np.sum((a / size) ** 2 - (b / size) ** 2, axis=1) for a, b in pairs]
-    return _steadiness(_blocks(gains))
-
-
-def is_certain(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
-    """Whether the whitened held-out error falls beyond doubt, however small the gain looks."""
-    gains = _blocks([*_gains(before, after, weighting)])
-    if not gains.size:
-        return False
-    error = float(gains.std(ddof=1)) / np.sqrt(gains.size) if gains.size > 1 else np.inf
-    sure = _steadiness(gains) >= CERTAIN_STEADY or gains.mean() > CERTAIN_T * error
-    return bool(gains.sum() > CERTAIN_GAIN and sure)
-
-
-def is_in_few(before: Comparison, after: Comparison, weighting: Weighting) -> bool:
-    """Whether the whitened held-out error falls, and less than half of that in most samples.
-
-    Of a motor whose states jump at an angle, a touch of anything may put a jump into another one.
-    """
-    gains = np.concatenate([*_gains(before, after, weighting)])
-    rising = gains[np.argsort(np.abs(gains))]
-    in_most = np.sum(rising[: gains.size - int(FEW * gains.size)])
-    return bool(np.sum(gains) > 0.0 and in_most < MOSTLY * np.sum(gains))
-
-
-def _gains(before: Comparison, after: Comparison, weighting: Weighting) -> Iterator[Array]:
-    """Yield by how much the whitened square of each sample (N,) of each stretch falls."""
-    for pair in zip(before.residuals, after.residuals, strict=True):
-        old, new = (weighting.flat(r[:, :, np.newaxis])[:, 0] ** 2 for r in pair)
-        yield old - new
-
-
-def _blocks(gains: Sequence[Array]) -> Array:
-    """Return sums over about `BLOCKS` blocks of equal length; none of stretches too short."""
-    total = sum(g.size for g in gains)
-    if not total:
-        return np.empty(0)
-    pieces = [np.array_split(g, max(round(BLOCKS * g.size / total), 1)) for g in gains]
-    return np.array([float(np.sum(piece)) for group in pieces for piece in group])
-
-
-def _steadiness(gains: Array) -> float:
-    return float(np.maximum(gains, 0.0).sum() / max(float(np.abs(gains).sum()), 1e-300))
 
 
 def gone(new: Model, old: Model) -> str:
@@ -249,7 +166,7 @@ def why_idle(rung: Rung, without: Rung, key: str, duration: float) -> str:
     """
     if why := senseless(rung.model, key, duration):
         return why
-    gain = 100 * (1 - combined_error(rung.held, without.held))
+    gain = gain_percent(without.held, rung.held)
     further = bool(without.model.effects)
     if further and gain < SURE_GAIN and (lost := gone(rung.model, without.model)):
         return f'{lost} {TAKES_OVER}'
@@ -321,21 +238,7 @@ def is_worth_it(new: Rung, old: Rung, gain: float) -> bool:
     return gain > LEAST_GAIN_PERCENT or drop > LEAST_DROP_PERCENT**2
 
 
-def gate_note(
-    scored: Scored,
-    new: Rung,
-    old: Rung,
-    delta: float,
-    gain: float,
-    steady: float,
-    certain: bool,
-    deep: bool,
-    threshold: float,
-    duration: float,
-    *,
-    asked: float,
-    mends: bool = False,
-) -> str:
+def gate_note(scored: Scored, new: Rung, old: Rung, gained: Gain, duration: float) -> str:
     """Return why a refit does not pass, in plain words; empty where it does.
 
     What every motor has need not lower the held-out error, if there is evidence of it and it does
@@ -347,37 +250,25 @@ def gate_note(
         The score that it was chosen by.
     new, old:
         The refit, and the fit without the effect.
-    delta, threshold:
-        Gain in BIC, and what it must be.
-    gain:
-        Relative decrease of the held-out error, percent.
-    steady:
-        Steadiness of that decrease; see `MIN_STEADY`.
-    certain:
-        Whether the whitened held-out error falls beyond doubt.
-    deep:
-        Whether, more than that, it was above the noise and comes near it; see `DEEP`.
+    gained:
+        What the refit gains.
     duration:
         Time of the longest record, s.
-    asked:
-        What noise alone asks of the evidence; `threshold` is more where laws of the model are not
-        right to the last detail.
-    mends:
-        Whether it does more than follow closer what the model has; see `TORN` and `MORE`.
     """
-    key = scored.variant.effect.key
+    key, gain = scored.variant.effect.key, gained.percent
     if is_impossible(new.model, key, duration):
         return UNPHYSICAL
-    if not np.isfinite(delta):
+    if not np.isfinite(gained.delta_bic):
         return 'cannot be simulated'
     if special := narrowed(new.model, key):
         return f'is nothing but {special} here'
-    if delta < threshold:
+    if gained.delta_bic < gained.threshold:
         alike = scored.overlap > ALIKE
         return 'these data cannot tell it from what the model has' if alike else NO_EVIDENCE
     halved = new.training.error_percent < HALVED * old.training.error_percent
-    falls = steady >= MIN_STEADY and (gain > SURE_GAIN or (halved and gain > MIN_GAIN_PERCENT))
-    sure = delta > SURE * asked and falls
+    steady = gained.steady >= MIN_STEADY
+    falls = steady and (gain > SURE_GAIN or (halved and gain > MIN_GAIN_PERCENT))
+    sure = gained.delta_bic > SURE * gained.asked and falls
     if not sure and certainty(new, key) < LEAST_CERTAINTY:
         return UNCERTAIN
     if why := senseless(new.model, key, duration):
@@ -385,16 +276,14 @@ def gate_note(
     if lost := _missed(new, old):
         return f'{lost} {TAKES_OVER}'
     further = bool(old.model.effects)
-    least = MIN_CERTAIN_GAIN_PERCENT if further and not deep else -MIN_GAIN_PERCENT
-    least = MIN_WIDER_GAIN_PERCENT if scored.variant.inherits and not mends else least
+    least = MIN_CERTAIN_GAIN_PERCENT if further and not gained.deep else -MIN_GAIN_PERCENT
+    least = MIN_WIDER_GAIN_PERCENT if scored.variant.inherits and not gained.mends else least
     if is_usual(scored.variant.effect, new.model) and gain > -MIN_GAIN_PERCENT:
         return ''
     if new.held.error_percent > SPOILED * old.held.error_percent:
         return f'{TOO_LITTLE} nothing'
-    if certain and gain > least and (further or is_worth_it(new, old, gain)):
+    if gained.certain and gain > least and (further or is_worth_it(new, old, gain)):
         return ''
     if gain < (MIN_FURTHER_GAIN_PERCENT if further else MIN_GAIN_PERCENT):
         return f'{TOO_LITTLE} ' + (f'{gain:.1f} % only' if gain > 0.0 else 'nothing')
-    if steady < MIN_STEADY and not halved:
-        return UNSTEADY
-    return ''
+    return '' if steady or halved else UNSTEADY

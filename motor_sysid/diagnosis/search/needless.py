@@ -1,12 +1,8 @@
 """Whether the last effect that was added may as well be left out, once all is fitted exactly."""
 
 from motor_sysid.diagnosis.search.bench import Bench
-from motor_sysid.diagnosis.search.gates import (
-    combined_error,
-    MIN_WIDER_GAIN_PERCENT,
-    SURE_GAIN,
-    why_idle,
-)
+from motor_sysid.diagnosis.search.gain import gain_percent
+from motor_sysid.diagnosis.search.gates import MIN_WIDER_GAIN_PERCENT, SURE_GAIN, why_idle
 from motor_sysid.diagnosis.search.integration_steps import exact
 from motor_sysid.diagnosis.search.refit import chatters
 from motor_sysid.diagnosis.search.rung import Rung
@@ -24,7 +20,7 @@ def why_needless(rung: Rung, before: Rung, bench: Bench) -> str:
         return ''
     key, duration = rung.model.effects[-1], bench.scales.duration
     why = why_idle(rung, before, key, duration)
-    gain = 100 * (1 - combined_error(rung.held, before.held))
+    gain = gain_percent(before.held, rung.held)
     little = SURE_GAIN if chatters(rung.model) else MIN_WIDER_GAIN_PERCENT
     if why or not before.model.effects or gain > little:
         return why

@@ -12,9 +12,8 @@ import numpy as np
 
 from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gain import gain_percent, is_certain
 from motor_sysid.diagnosis.search.gates import (
-    combined_error,
-    is_certain,
     LEAST_CERTAINTY,
     MIN_CERTAIN_GAIN_PERCENT,
     MIN_GAIN_PERCENT,
@@ -148,7 +147,7 @@ def _has_helped(key: str, ladder: Ladder) -> bool:
     """Whether the held-out error fell by much with the fit in which an effect was new."""
     for (before, _), (after, _) in pairwise(ladder):
         if key in set(after.model.effects) - set(before.model.effects):
-            return 100 * (1 - combined_error(after.held, before.held)) > SURE_GAIN
+            return gain_percent(before.held, after.held) > SURE_GAIN
     return False
 
 
@@ -203,7 +202,7 @@ def _proves_itself(rung: Rung, slim: Rung) -> bool:
 
     They may show what training data hardly do: a winding that warms in them, say.
     """
-    gain = 100 * (1 - combined_error(rung.held, slim.held))
+    gain = gain_percent(slim.held, rung.held)
     return gain > SURE_GAIN and is_certain(slim.held, rung.held, rung.result.weighting)
 
 
@@ -214,7 +213,7 @@ def _is_trifle(rung: Rung, slim: Rung, excess: float) -> bool:
     to look for.  No law is exact to the last detail, and another one makes up for what is not.
     """
     fewer = len(slim.model.effects) < len(rung.model.effects)
-    gain = 100 * (1 - combined_error(rung.held, slim.held))
+    gain = gain_percent(slim.held, rung.held)
     beside = fewer and bool(slim.model.effects)
     return beside and excess < ONLY_NOISE and gain < MIN_CERTAIN_GAIN_PERCENT
 

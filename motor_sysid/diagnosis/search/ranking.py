@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from motor_sysid.diagnosis.search.confusable import alike, compared
+from motor_sysid.diagnosis.search.gain import gain_percent
 from motor_sysid.diagnosis.search.gates import (
-    combined_error,
     is_usual,
     MIN_GAIN_PERCENT,
     TOO_LITTLE,
@@ -273,6 +273,6 @@ def holds_its_own(rung: Rung, without: Rung, trials: Sequence[Trial]) -> bool:
 
     Laws that are a little wrong leave evidence for others in training data that look alike.
     """
-    gain = 100 * (1 - combined_error(rung.held, without.held))
+    gain = gain_percent(without.held, rung.held)
     possible = [t.gain_percent for t in trials if t.note != UNPHYSICAL]
     return max(possible, default=0.0) < LEFT_OVER * gain

@@ -12,14 +12,12 @@ from collections.abc import Callable, Sequence
 from motor_sysid.diagnosis.result.names import titles
 from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.further import RESTLESS
+from motor_sysid.diagnosis.search.gain import gain_percent, MIN_STEADY, steadiness
 from motor_sysid.diagnosis.search.gates import (
-    combined_error,
     gone,
     HALVED,
     HELD_BACK,
     MIN_FURTHER_GAIN_PERCENT,
-    MIN_STEADY,
-    steadiness,
     SURE,
     TAKES_OVER,
     UNCERTAIN,
@@ -107,7 +105,7 @@ def stands(new: Rung, old: Rung, excess: float) -> bool:
     does not, the truth and neighbours of it.  `excess` is the whitened variance that it leaves, in
     units of the noise.
     """
-    gain = 100 * (1 - combined_error(new.held, old.held))
+    gain = gain_percent(old.held, new.held)
     helps = gain > MIN_FURTHER_GAIN_PERCENT and steadiness(old.held, new.held) > MIN_STEADY
     driven_by_current = ('current',) in new.model.kind.inputs
     most = AT_NOISE_OF_DRIVE if driven_by_current else AT_NOISE

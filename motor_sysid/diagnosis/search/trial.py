@@ -9,23 +9,26 @@ from motor_sysid.diagnosis.candidates.left_noise import AR_ORDER
 from motor_sysid.diagnosis.candidates.matched_filter import TOP_ORDER
 from motor_sysid.diagnosis.candidates.score import Scored
 from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.gain import (
+    Gain,
+    gain_percent,
+    is_certain,
+    is_in_few,
+    steadiness,
+)
 from motor_sysid.diagnosis.search.gates import (
-    combined_error,
     DEEP,
     DEEP_SHARE,
     gate_note,
     HALVED,
     IN_FEW,
     INEXACT,
-    is_certain,
-    is_in_few,
     MENDED,
     MIN_FURTHER_SHARE,
     MIN_SHARE,
     misfit_of_laws,
     MORE,
     NO_EVIDENCE,
-    steadiness,
     SURE_GAIN,
     TORN,
     WORN,
@@ -173,46 +176,56 @@ def judged(
     near: Sequence[Linearization] = (),
 ) -> Trial:
     """Pass a refit through the gates; `near` if the refit does not hold its own."""
-    rung, rows = level.rung, level.rows
+    rung = level.rung
     if not np.isfinite(new.result.cost + new.held.error_percent):
         return Trial(scored, rung, -np.inf, 0.0, 0.0, 'cannot be simulated', np.inf)
     kept = replace(new, near=tuple(near)) if near else new
     after, _ = profile_cost(kept, bench, level.weighting)
-    delta = level.gain(kept, bench)
-    gain = 100 * (1 - combined_error(new.held, rung.held))
-    halved = new.training.error_percent < HALVED * rung.training.error_percent
-    if delta < bench.threshold and halved and gain > SURE_GAIN:
-        delta = max(delta, gain_of_likelihood(kept, rung, bench))
-    delta -= searching(scored.variant.effect, rows // len(bench.outputs))
-    steady = steadiness(rung.held, new.held)
-    share = (level.cost - after) / max(level.cost - rows, 1e-300)
-    small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
-    small = small and (not rung.model.effects or level.leaves(scored.variant.inherits, after))
-    certain = small and is_certain(rung.held, new.held, level.weighting)
-    clears = level.clears(after) and not scored.variant.inherits
-    deep = certain and share > DEEP_SHARE and (level.cost > DEEP * rows or clears)
-    mends = level.mends(after)
-    turn = bench.scales.size(Scale.ANGLE)
-    guessed = rung.model
-    for key in filter(bench.shows, rung.model.effects):
-        guessed = guessed.without_effect(key)  # its law was seen to be right
-    inexact = max(
-        misfit_of_laws(scored, guessed, level.explained, bench.outputs, turn),
-        bench.wrong * level.cost,
-    )
-    threshold = max(bench.threshold, inexact)
-    note = gate_note(
-        scored, new, rung, delta, gain, steady, certain, deep, threshold,
-        bench.scales.duration, asked=bench.threshold, mends=mends,
-    )  # fmt: skip
-    if note == NO_EVIDENCE and delta > bench.threshold:
+    gained = _gained(scored, kept, after, level, bench)
+    note = gate_note(scored, new, rung, gained, bench.scales.duration)
+    enough = gained.delta_bic > bench.threshold
+    if note == NO_EVIDENCE and enough:
         note = INEXACT
     spoilt = new.held.error_percent > SPOILED * rung.held.error_percent
-    if bench.shows(scored.variant.effect.key) and delta > bench.threshold and not spoilt:
+    if bench.shows(scored.variant.effect.key) and enough and not spoilt:
         note = ''
     if not note and new.model.kind.jumps and is_in_few(rung.held, new.held, level.weighting):
         note = IN_FEW
-    return Trial(scored, new, delta, gain, steady, note, after / rows)
+    excess = after / level.rows
+    return Trial(scored, new, gained.delta_bic, gained.percent, gained.steady, note, excess)
+
+
+def _gained(scored: Scored, new: Rung, after: float, level: Level, bench: Bench) -> Gain:
+    """Return what a refit gains that leaves the whitened sum of squares `after`."""
+    rung, rows, inherits = level.rung, level.rows, scored.variant.inherits
+    delta, gain = level.gain(new, bench), gain_percent(rung.held, new.held)
+    halved = new.training.error_percent < HALVED * rung.training.error_percent
+    if delta < bench.threshold and halved and gain > SURE_GAIN:
+        delta = max(delta, gain_of_likelihood(new, rung, bench))
+    share = (level.cost - after) / max(level.cost - rows, 1e-300)
+    small = share > (MIN_FURTHER_SHARE if rung.model.effects else MIN_SHARE)
+    small = small and (not rung.model.effects or level.leaves(inherits, after))
+    certain = small and is_certain(rung.held, new.held, level.weighting)
+    far = level.cost > DEEP * rows or (level.clears(after) and not inherits)
+    return Gain(
+        delta_bic=delta - searching(scored.variant.effect, rows // len(bench.outputs)),
+        threshold=max(bench.threshold, _inexactness(scored, level, bench)),
+        asked=bench.threshold,
+        percent=gain,
+        steady=steadiness(rung.held, new.held),
+        certain=certain,
+        deep=certain and share > DEEP_SHARE and far,
+        mends=level.mends(after),
+    )
+
+
+def _inexactness(scored: Scored, level: Level, bench: Bench) -> float:
+    """Return the gain in BIC that what laws and integration have not right may make."""
+    guessed, turn = level.rung.model, bench.scales.size(Scale.ANGLE)
+    for key in filter(bench.shows, level.rung.model.effects):
+        guessed = guessed.without_effect(key)  # its law was seen to be right
+    laws = misfit_of_laws(scored, guessed, level.explained, bench.outputs, turn)
+    return max(laws, bench.wrong * level.cost)
 
 
 def gain_of_likelihood(new: Rung, old: Rung, bench: Bench) -> float:

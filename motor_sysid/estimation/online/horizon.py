@@ -75,7 +75,7 @@ class Horizon:
     ) -> None:
         n, inputs, outputs, p, q = sizes
         room = 2 * length
-        self._motion, self._n, self._p, self._q = motion, n, p, q
+        self._motion, self._n, self._p = motion, n, p
         self._angle = motion.angle
         self._length, self._dt, self._pace = length, dt, pace
         self._state, self._input = np.zeros((room, n)), np.zeros((room, inputs))
