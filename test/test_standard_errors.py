@@ -10,13 +10,14 @@ import pytest
 from motor_sysid.diagnosis.search.bench import make_bench
 from motor_sysid.diagnosis.search.delay_profile import with_profiled_delays
 from motor_sysid.diagnosis.search.rung import climb
-from motor_sysid.diagnosis.search.standard_errors import NEAR, roughness
+from motor_sysid.diagnosis.search.standard_errors import NEAR, roughness, within_told
 from motor_sysid.estimation.batch import Linearization, white
 from motor_sysid.estimation.batch.uncertainty import describe
 from motor_sysid.physics.drive import Drive
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.motors import motor
 from motor_sysid.physics.rollout import Program
+from motor_sysid.physics.scales import scales_of
 from motor_sysid.physics.simulate import simulate
 from motor_sysid.signals.record import Record
 
@@ -110,6 +111,46 @@ def test_a_block_that_tells_much_does_not_make_an_estimate_look_known(own):
     Without what leaving blocks out tells, 87 % of the second are covered.
     """
     assert np.mean(np.abs(scattered(own)) < 1.96) > 0.9
+
+
+# --- what signals alone tell
+
+
+def lagging(lower: float, upper: float) -> Model:
+    """Return a motor with a filter of its speed, told to be that long, and a delay; s."""
+    model = Model.base('brushed_dc', MOTOR)
+    record = voltage_profile('steps', 1.0, np.random.default_rng(0))
+    scales = scales_of('brushed_dc', MOTOR, [measure(model, record, np.random.default_rng(1))])
+    scales = replace(scales, speed_filter=(lower, upper))
+    model = model.with_effect('speed_sensor_lag', {'lag': 0.5 * (lower + upper)}, scales)
+    return model.with_effect('input_delay', {'delay': 5e-3}, scales)
+
+
+@pytest.mark.parametrize(('shown', 'lag', 'delay'), [(True, 1e-3, 1.1e-3), (False, 0.05, 0.05)])
+def test_what_the_position_tells_of_a_filter_is_known_of_it_and_of_a_delay_beside_it(
+    shown, lag, delay
+):
+    """The speed tells the sum of both to 0.5 ms, and neither to 50 ms."""
+    model = lagging(9e-3, 9e-3 + np.sqrt(12.0) * 1e-3)
+    free = [p.name for p in model.parameters.free]
+    at, other = free.index('speed_sensor_lag.lag'), free.index('input_delay.delay')
+    way = np.zeros(len(free))
+    way[at], way[other] = 0.05, -0.05
+    covariance = np.outer(way, way) + np.diag(np.full(len(free), 1e-12))
+    covariance[other, other] += 0.5e-3**2
+    sigma = np.sqrt(np.diag(covariance))
+    told = within_told(model, SimpleNamespace(shows=lambda key: shown), sigma, covariance)
+    assert told[at] == pytest.approx(lag, rel=1e-3)
+    assert told[other] == pytest.approx(delay, rel=0.03)
+    apart = [k for k in range(len(free)) if k not in (at, other)]
+    assert np.allclose(told[apart], sigma[apart], rtol=1e-3)
+
+
+def test_what_data_tell_better_than_the_position_stays():
+    model = lagging(9e-3, 10e-3)
+    sigma = np.full(len(model.parameters.free), 1e-5)
+    bench = SimpleNamespace(shows=lambda key: key == 'speed_sensor_lag')
+    assert np.all(within_told(model, bench, sigma, np.diag(sigma**2)) == sigma)
 
 
 # --- angles within a count

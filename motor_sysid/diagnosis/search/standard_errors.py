@@ -30,8 +30,8 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     """Return a fit with standard errors that hold for what the data are like.
 
     They hold for noise that is correlated for long, for laws that end within reach, for a cost
-    that is rough or flatter than its derivatives say, for delays, and for moments.  `blunt` (p,)
-    holds errors of the integration that are added to them.
+    that is rough or flatter than its derivatives say, for what signals alone tell, for delays, and
+    for moments.  `blunt` (p,) holds errors of the integration that are added to them.
     """
     problem, weighting = bench.problem(rung.model), rung.result.weighting
     near = slopes(rung, bench)
@@ -47,6 +47,7 @@ def honest(rung: Rung, bench: Bench, blunt: Array) -> FitResult:
     if any(effect(key).card.strikes for key in rung.model.effects):
         rough = roughness(problem, weighting, spread.covariance)
         sigma = np.hypot(sigma, np.sqrt(rough) * spread.information.bound)
+    sigma = within_told(rung.model, bench, sigma, spread.covariance)
     model = rung.model.with_estimates({}, _named(problem, sigma))
     model = with_profiled_delays(model, bench, weighting, spread.information)
     model = with_honest_moments(bench.problem(model), weighting, spread.information)
@@ -57,6 +58,33 @@ def _around(rung: Rung, bench: Bench) -> Around:
     """Return the cost around a fit, in few steps: only differences between neighbours count."""
     problem, near = bench.problem(rung.model), tuple(slopes(rung, bench))
     return Around(problem.in_steps(FEW, problem.vector()), rung.result.weighting, near)
+
+
+def within_told(model: Model, bench: Bench, sigma: Array, covariance: Array) -> Array:
+    """Return standard errors (p,) with what signals tell of effects whatever the model does.
+
+    A filter that a position beside the speed tells lies in a box that is narrow: no less is known
+    of it than that it is anywhere there.  Knowing that helps what is correlated with it, too: a
+    delay, of which the speed alone hardly tells it.
+
+    Parameters
+    ----------
+    model, bench:
+        The fitted model, and what the signals show.
+    sigma, covariance:
+        (p,) standard errors of its free parameters, and (p, p) their covariance.
+    """
+    free, told = model.parameters.free, sigma.copy()
+    size = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    shown = {f'{key}.{effect(key).card.filter}' for key in model.effects if bench.shows(key)}
+    for k, p in enumerate(free):
+        most = (p.upper - p.lower) / np.sqrt(12.0)
+        if p.name not in shown or told[k] <= most:
+            continue
+        shared = np.clip(covariance[:, k] / (size * size[k]), -1.0, 1.0) ** 2
+        told *= np.sqrt(1.0 - shared * (1.0 - (most / told[k]) ** 2))
+        told[k] = most
+    return told
 
 
 def profiled(model: Model) -> set[str]:
