@@ -14,7 +14,7 @@ from motor_sysid.benchmark.equivalences import same_as
 from motor_sysid.diagnosis import diagnose, Diagnosis, Verdict
 from motor_sysid.diagnosis.fitting import add_effect, bare, bench_of, compare_model, fit_model
 from motor_sysid.diagnosis.result.document import diagnosis_document
-from motor_sysid.diagnosis.search.bench import refuse_short
+from motor_sysid.diagnosis.search.refusals import refuse_short
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.trial import Level
 from motor_sysid.errors import UserError

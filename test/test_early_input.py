@@ -60,4 +60,4 @@ def test_what_is_explained_and_what_is_delayed_is_not_asked():
         found(Verdict.UNKNOWN_EFFECT, MODEL, 1.4),
         found(Verdict.EFFECT_MISSING, delayed, 5.0),
     ):
-        assert with_early_input(one, [], [], 0.2, {}, pytest.fail) is one
+        assert with_early_input(one, 0.2, {}, pytest.fail) is one

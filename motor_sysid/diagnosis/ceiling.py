@@ -107,12 +107,14 @@ def ceiling(
     UserError
         If a kind is unknown or a record is too short.
     """
+    if not 0 < hold_back < 1:
+        raise UserError(f'hold_back {hold_back:g} is not between 0 and 1; try 0.2')
     tell = progress or (lambda text: None)
     evens = prepared(records, model.motor, model.parameters.values())
     outputs = observed_outputs(model.kind, evens)
     cuts = [round((1 - hold_back) * len(r)) for r in evens]
     left = [min(cut, len(r) - cut) for cut, r in zip(cuts, evens, strict=True)]
-    if not 0 < hold_back < 1 or min(left) < _SHORTEST // 5:
+    if min(left) < _SHORTEST // 5:
         raise UserError(f'hold_back {hold_back:g} of these records leaves too little; record more')
     rows = [_model_row(model, evens, outputs, hold_back)]
     measured = [
@@ -204,10 +206,12 @@ def words(found: Ceiling) -> list[str]:
     for name, key in found.best.items():
         own = found.rows[0].explained_percent[name]
         row = next(r for r in found.rows if r.key == key)
-        told = 'no structure explains more' if key == MODEL else (
-            f'{titles[key]} explains {row.explained_percent[name]:.2f} %, its error is '
-            f'{found.rows[0].errors_percent[name] / row.errors_percent[name]:.2g} times smaller'
-        )  # fmt: skip
+        told = 'no structure explains more'
+        if key != MODEL:
+            before, after = (r.errors_percent[name] for r in (found.rows[0], row))
+            told = f'{titles[key]} explains {row.explained_percent[name]:.2f} %'
+            if after > 0.0 and np.isfinite(before):
+                told += f', its error is {before / after:.2g} times smaller'
         lines.append(f'  {name}: {own:.2f} % of the held-back variance; {told}')
     for row in found.rows:
         errors = ''.join(f'{e:>11.4g} %' for e in row.errors_percent.values())

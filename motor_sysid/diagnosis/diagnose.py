@@ -19,10 +19,10 @@ from motor_sysid.diagnosis.search.bench import (
     base_fit,
     Bench,
     make_bench,
-    refuse_short,
     with_scales,
 )
 from motor_sysid.diagnosis.search.ready import ready
+from motor_sysid.diagnosis.search.refusals import refuse_short
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.standstill import stands_still
 from motor_sysid.diagnosis.settings import Settings
@@ -112,12 +112,10 @@ def diagnose(
     search = _Search(model, noise, bench, candidates, settings, tell, nominal)
     found = search.on(bench, records, held)
     found = with_own_values(found, bench, records, held, search.anew, tell)
-    if shows_only_there(found):
+    if shows_only_there(found) and not found.differences:
         found = better_with_half_lent(found, search.anew(records, held, lent=True))
     found = without_odd_record(found, bench, records, held, search.anew, tell)
-    found = with_early_input(
-        found, records, held, settings.validation_fraction, nominal, tell
-    )
+    found = with_early_input(found, settings.validation_fraction, nominal, tell)
     found = replace(found, warnings=(*notes, *found.warnings))
     odd = (*timing.check([*train, *validation]), *examine([*records, *held]))
     found = with_what_data_may_hide(found, odd, beyond_training(bench.train_free, bench.held_free))

@@ -49,8 +49,6 @@ class Early:
 
 def with_early_input(
     found: Diagnosis,
-    train: Sequence[Record],
-    held: Sequence[Record],
     fraction: float,
     nominal: Mapping[str, float],
     tell: Callable[[str], None],
@@ -62,9 +60,9 @@ def with_early_input(
     Parameters
     ----------
     found:
-        What was found over the records, as they are.
-    train, held, fraction:
-        The records; without any that are held out, that share of each is.
+        What was found.
+    fraction:
+        Share of each record that is held out where no whole ones are.
     nominal:
         Data-sheet values.
     tell:
@@ -79,7 +77,8 @@ def with_early_input(
     if not asked or late or not model.admits(effect(DELAY)):
         return found
     tell('asking whether the input is written down late')
-    early = run_earlier(model, train, held, fraction, nominal)
+    train, held = found.searched
+    early = run_earlier(model, train, held, fraction, nominal, lent=found.lent)
     if early.rows < LEAST or not early.error_percent < HEALED * error:
         return found
     what = ' and '.join(input_signals(train[0], model.kind)).replace('_', ' ')
@@ -98,10 +97,12 @@ def run_earlier(
     held: Sequence[Record],
     fraction: float,
     nominal: Mapping[str, float],
+    *,
+    lent: bool = False,
 ) -> Early:
     """Fit a model with an input that is a row earlier, and delayed again by what fits best."""
     fitted, kept = ([_sooner(r, model.kind) for r in records] for records in (train, held))
-    bench = make_bench(fitted, kept, model.kind, model, fraction, nominal)
+    bench = make_bench(fitted, kept, model.kind, model, fraction, nominal, lent=lent)
     dt = train[0].dt
     late = climb(model.with_effect(DELAY, {'delay': 0.5 * dt}, bench.scales), bench)
     return Early(1.0 - late.model[f'{DELAY}.delay'] / dt, late.validation.error_percent)

@@ -17,6 +17,7 @@ from motor_sysid.diagnosis.search.bench import (
 from motor_sysid.diagnosis.search.integration_steps import exact, refined
 from motor_sysid.diagnosis.search.ready import ready
 from motor_sysid.diagnosis.search.refit import try_effect
+from motor_sysid.diagnosis.search.refusals import refuse_few, refuse_gaps
 from motor_sysid.diagnosis.search.rung import climb, judge, Rung, with_better_sensor
 from motor_sysid.diagnosis.search.starts import best_per_effect
 from motor_sysid.diagnosis.search.trial import Level, Trial
@@ -33,6 +34,7 @@ from motor_sysid.estimation.batch import (
     transfer,
 )
 from motor_sysid.estimation.batch.sisters import SPREAD
+from motor_sysid.physics.drive import input_signals
 from motor_sysid.physics.effect import Card
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model
@@ -111,6 +113,8 @@ def compare_model(
     """Run a model over records, freely, and say where it fails."""
     evens = prepared(records, model.motor, model.parameters.values())
     outputs = observed_outputs(model.kind, evens)
+    for record in evens:
+        refuse_gaps(record, {*input_signals(record, model.kind), *outputs} & set(record))
     sensors = sensors_of(evens, model.kind)
     chains = [make_chain(r, model.kind, outputs, sensors=sensors) for r in evens]
     comparison = compare(model, chains, outputs)
@@ -158,6 +162,7 @@ def bench_of(
     lent: bool = False,
 ) -> tuple[Bench, Model]:
     """Return the data, prepared, and the model: the given one, or a fitted linear one."""
+    refuse_few([*train, *validation])
     records, held, kind, nominal, notes = ready(train, validation, model, motor, nominal)
     bench = make_bench(records, held, kind, model, fraction, nominal, lent=lent)
     bench = replace(bench, notes=notes + bench.notes)

@@ -119,9 +119,7 @@ def learn(
     if unknown is None:
         return Learned(None, _nowhere(found), diagnosis=found)
     tell(f'learning the {unknown.quantity} over {unknown.axis}')
-    bench, base = bench_of(
-        train, validation, base, None, {}, settings.validation_fraction
-    )
+    bench, base = bench_of(*found.searched, base, None, {}, settings.validation_fraction)
     return replace(learned_on(base, unknown, bench, hold), diagnosis=found)
 
 

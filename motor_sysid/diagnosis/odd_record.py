@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.own_values import Again, FINE, nearest, whole_chains
 from motor_sysid.diagnosis.result.names import listed, titles
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
-from motor_sysid.diagnosis.search.bench import Bench, MIN_SAMPLES
+from motor_sysid.diagnosis.search.bench import Bench
+from motor_sysid.diagnosis.search.refusals import MIN_SAMPLES
 from motor_sysid.diagnosis.verdict.between_records import names_of
 from motor_sysid.diagnosis.where.uneven_records import but_for_few, by_chain
 from motor_sysid.estimation.batch import Chain, fit_and_slopes, Problem, white

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from motor_sysid.diagnosis.result.names import listed
 from motor_sysid.diagnosis.result.result import Candidate, Diagnosis, Step, Verdict
-from motor_sysid.diagnosis.search.bench import Bench, MIN_SAMPLES
+from motor_sysid.diagnosis.search.bench import Bench
 from motor_sysid.diagnosis.search.by_record import Differing, differing, measured_by
 from motor_sysid.diagnosis.search.may_differ import INPUT, shown_by
+from motor_sysid.diagnosis.search.refusals import MIN_SAMPLES
 from motor_sysid.diagnosis.verdict.between_records import difference_of, names_of
 from motor_sysid.diagnosis.where.uneven_records import UNEVEN
 from motor_sysid.estimation.batch import Chain, make_chain, sensors_of

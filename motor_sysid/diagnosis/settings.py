@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from motor_sysid.diagnosis.calibration.calibration import Calibration
 from motor_sysid.effort import Effort
+from motor_sysid.errors import UserError
 
 EFFORT, EFFORT_A_SAMPLE = 1.2e9, 2e4
 """Steps of the integration, summed over all parameter vectors, after which a search comes to an
@@ -29,6 +30,11 @@ class Settings:
         Calibrations to choose from; see `motor_sysid.diagnosis.calibration`.
     effort:
         How long to search where nothing explains the data, in units of the usual effort.
+
+    Raises
+    ------
+    UserError
+        If one of them is out of its range.
     """
 
     max_effects: int = 4
@@ -37,6 +43,17 @@ class Settings:
     alpha: float = 0.01
     calibrations: tuple[Calibration, ...] = ()
     effort: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no sense."""
+        for name, least in (('max_effects', 0), ('refits', 1)):
+            if getattr(self, name) < least:
+                raise UserError(f'{name} {getattr(self, name)} is less than {least}')
+        for name in ('validation_fraction', 'alpha'):
+            if not 0.0 < getattr(self, name) < 1.0:
+                raise UserError(f'{name} {getattr(self, name):g} is not between 0 and 1')
+        if not self.effort > 0.0:
+            raise UserError(f'effort {self.effort:g} is not above 0; 1 is usual')
 
     def effort_for(self, samples: int) -> Effort:
         """Return the effort that a search in so many samples may take."""

@@ -193,7 +193,7 @@ class DiagnosisJob:
 
 def _pieces(record: Record) -> list[Record]:
     """Cut a window at its gaps; what is too short for a diagnosis goes."""
-    from motor_sysid.diagnosis.search.bench import MIN_SAMPLES
+    from motor_sysid.diagnosis.search.refusals import MIN_SAMPLES
 
     pieces = record.segments(gap_limit(record.time))
     long = [piece for piece in pieces if len(piece) >= MIN_SAMPLES]

@@ -62,7 +62,7 @@ class Drive:
 
         Laws that depend on position are given the measured position where there is one, or the
         sum of the measured speed: a simulated angle drifts, and the wave with it.  Time counts
-        from the first sample.
+        from the start of the recording.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class Drive:
         if kind.prompt:
             columns = np.concatenate((columns[1:], columns[-1:]))
         fastest = top_speed(record) if kind.wave else 0.0
-        return cls(columns, record.dt, 0.0, position, fastest, count, ahead)
+        return cls(columns, record.dt, record.lead, position, fastest, count, ahead)
 
     def part(self, first: int, last: int) -> 'Drive':
         """Return the drive of rows first to last (exclusive), with time and position as here."""

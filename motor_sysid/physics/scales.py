@@ -63,7 +63,7 @@ def scales_of(key: str, values: dict[str, float], records: Sequence[Record]) -> 
         current=current,
         voltage=_size(records, 'voltage', kind.frame),
         sample=records[0].dt,
-        duration=max(record.duration for record in records),
+        duration=max(record.lead + record.duration for record in records),
         loss=max((1.5 if kind.frame else 1.0) * resistance * current**2, 1e-12),
     )
 

@@ -28,11 +28,15 @@ SMALL = 0.01
 AXES = ('current_d', 'current_q')
 """Parts of one vector."""
 
+ANYWHERE = 'position'
+"""Signal whose zero says nothing: an encoder may begin to count wherever it likes."""
+
 
 def sizes_of(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
-    """Return (n_y,) RMS of measured signals; of d and q currents that of their vector.
+    """Return (n_y,) RMS of measured signals, of a position about its mean.
 
-    Field-oriented control holds the d current at zero: against its own RMS, noise is all of it.
+    Field-oriented control holds the d current at zero: against its own RMS, noise is all of it, so
+    that of d and q currents is the one of their vector.
 
     Parameters
     ----------
@@ -41,10 +45,25 @@ def sizes_of(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
     measured:
         For each stretch of data its (N, n_y) values.
     """
-    power: Array = np.mean(np.concatenate(measured) ** 2, axis=0)
+    moved = _moved(outputs, measured)
+    middle = np.mean(moved, axis=0) * np.isin(outputs, ANYWHERE)
+    power: Array = np.mean((moved - middle) ** 2, axis=0)
     vector = np.isin(outputs, AXES)
     power[vector] = np.sum(power[vector])
     return np.sqrt(power)
+
+
+def moving(outputs: Sequence[str], measured: Sequence[Array]) -> NDArray[np.bool_]:
+    """Return which (n_y,) signals are ever anything but zero, or a position that stays."""
+    found: NDArray[np.bool_] = np.any(_moved(outputs, measured), axis=0)
+    return found
+
+
+def _moved(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
+    """Return (N, n_y) values, of a position since the first one."""
+    values = np.concatenate(measured)
+    since: Array = values - values[0] * np.isin(outputs, ANYWHERE)
+    return since
 
 
 @dataclass(frozen=True)

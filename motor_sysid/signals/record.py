@@ -89,6 +89,8 @@ class Record:
     samples:
         Measured signal to what its sensor measured, of those that were not measured at the times
         of the rows: what the rows show of them lies between these.
+    lead:
+        Time from the start of the recording to the first row, s: of a part of a record.
 
     Raises
     ------
@@ -102,6 +104,7 @@ class Record:
     provenance: Provenance = field(default_factory=Provenance)
     steps: Mapping[str, float] = field(default_factory=dict)
     samples: Mapping[str, Samples] = field(default_factory=dict)
+    lead: float = 0.0
 
     def __post_init__(self) -> None:
         """Freeze the arrays and refuse what is not a record."""
@@ -158,6 +161,12 @@ class Record:
         return float(self.time[-1] - self.time[0])
 
     @property
+    def clock(self) -> Array:
+        """(N,) time since the recording began, s: what laws see."""
+        clock: Array = self.lead + (self.time - self.time[0])
+        return clock
+
+    @property
     def is_uniform(self) -> bool:
         """Whether every step is within 2 % of the median step."""
         return bool(np.all(np.abs(np.diff(self.time) - self.dt) <= UNIFORM_JITTER * self.dt))
@@ -174,6 +183,7 @@ class Record:
                 for name, own in self.samples.items()
                 if time.size
             },
+            lead=float(self.clock[start]) if time.size else self.lead,
         )
 
     def between(self, start: float, stop: float) -> 'Record':
@@ -241,10 +251,14 @@ class Record:
         )
 
     def segments(self, max_gap: float) -> 'list[Record]':
-        """Split where two samples are more than `max_gap` s apart; stubs under 2 samples go."""
+        """Split where two samples are more than `max_gap` s apart; stubs under 2 samples go.
+
+        Each part is a recording of its own: what was there before the gap is not known.
+        """
         cuts = np.flatnonzero(np.diff(self.time) > max_gap) + 1
         edges = [0, *cuts.tolist(), len(self)]
-        return [self.slice(a, b) for a, b in pairwise(edges) if b - a >= 2]
+        parts = [self.slice(a, b) for a, b in pairwise(edges) if b - a >= 2]
+        return [replace(part, lead=0.0) for part in parts]
 
     def split(self, validation_fraction: float = 0.2) -> 'tuple[Record, Record]':
         """Return the first part for training and the last `validation_fraction` to validate."""

@@ -13,11 +13,11 @@ from motor_sysid.diagnosis.calibration.twin import Twin
 from motor_sysid.diagnosis.search.bench import (
     make_bench,
     prepared_parts,
-    refuse_short,
     with_scales,
 )
 from motor_sysid.diagnosis.search.gates import UNPHYSICAL
 from motor_sysid.diagnosis.search.integration_steps import refined
+from motor_sysid.diagnosis.search.refusals import refuse_short
 from motor_sysid.diagnosis.search.rounds import refitted, scored
 from motor_sysid.diagnosis.search.rung import climb
 from motor_sysid.diagnosis.search.standstill import refuse_model_at_rest

@@ -9,7 +9,6 @@ effect at once.
 """
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,6 +21,7 @@ from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.rollout import Program
 from motor_sysid.physics.summed import seen_by
+from motor_sysid.threads import in_threads
 
 Array = NDArray[np.float64]
 
@@ -77,10 +77,9 @@ def columns(problem: Problem, tried: Sequence[Variant]) -> list[list[Array]]:
         return _pushed(problem, touched) if group is pushed else _in_model(problem, touched)
 
     found: dict[int, list[Array]] = {}
-    with ThreadPoolExecutor(problem.threads) as pool:
-        work = [pushed, *groups] if pushed else groups  # the longest first
-        for group, parts in zip(work, pool.map(changes, work), strict=True):
-            found |= zip(group, parts, strict=True)
+    work = [pushed, *groups] if pushed else groups  # the longest first
+    for group, parts in zip(work, in_threads(changes, work), strict=True):
+        found |= zip(group, parts, strict=True)
     result, first = [], 0
     for variant in tried:
         count = len(_touches(variant))

@@ -17,6 +17,9 @@ AR_ORDER = 12
 NOISE_ROWS, NOISE_WINDOWS = 12_000, 12
 """Rows of long records that the noise model is fitted to, and the windows that they are in."""
 
+LEAST_WINDOW = 8 * (AR_ORDER + 1)
+"""Rows of a window below which it would tell little of the noise: whole stretches are taken."""
+
 ROWS_A_COLUMN = 5
 """Rows for each column of the dictionary from which on it is fitted to find out the noise."""
 
@@ -65,16 +68,25 @@ def _least(problem: Problem) -> Array:
 
 
 def _windows(parts: Sequence[Array]) -> list[Array]:
-    """Return windows, evenly spread, of about `NOISE_ROWS` rows of all stretches (N, ...)."""
+    """Return windows, evenly spread, of about `NOISE_ROWS` rows of all stretches (N, ...).
+
+    Of stretches that are too short for one, some are taken whole, evenly spread.
+    """
     total = sum(len(part) for part in parts)
     if total <= 2 * NOISE_ROWS:
         return list(parts)
-    found = []
+    share, found, owed = NOISE_ROWS / total, [], 0.0
     for part in parts:
         count = max(round(NOISE_WINDOWS * len(part) / total), 1)
-        edges = np.linspace(0, len(part), count + 1).astype(int)
-        width = int(len(part) / count * NOISE_ROWS / total)
-        found += [part[a : a + width] for a in edges[:-1]]
+        width = int(len(part) / count * share)
+        if width >= LEAST_WINDOW:
+            edges = np.linspace(0, len(part), count + 1).astype(int)
+            found += [part[a : a + width] for a in edges[:-1]]
+            continue
+        owed += len(part) * share
+        if owed >= len(part):
+            owed -= len(part)
+            found.append(part)
     return found
 
 

@@ -174,7 +174,7 @@ def _lacks(model: Model, records: Sequence[Record], force: str) -> list[_Lack]:
             continue
         states = measured_states(model, even)
         states.update(rates_of(model, states, even.dt))
-        time = even.time - even.time[0]
+        time = even.clock
         states['t'] = time
         columns = [v for n, v in states.items() if n not in ('t', 'theta', 'turn')]
         width = model['omega_eps']

@@ -11,10 +11,15 @@ from numpy.typing import NDArray
 from motor_sysid.diagnosis.result.threshold import UNCALIBRATED
 from motor_sysid.diagnosis.search.held_back import parted
 from motor_sysid.diagnosis.search.motor_kind import remarks_on_values
+from motor_sysid.diagnosis.search.refusals import refuse_gaps
 from motor_sysid.diagnosis.search.rotor_axes import OFFSET, with_axes
 from motor_sysid.diagnosis.search.speed_sensors import filter_box, is_filtered, speed_sensors
-from motor_sysid.diagnosis.search.standstill import seen_at_rest, stands_still, with_rotor_held
-from motor_sysid.errors import UserError
+from motor_sysid.diagnosis.search.standstill import (
+    refuse_load_at_rest,
+    seen_at_rest,
+    stands_still,
+    with_rotor_held,
+)
 from motor_sysid.estimation.batch import (
     Chain,
     fit_multistart,
@@ -48,9 +53,6 @@ SPEED_WIDTH, CURRENT_WIDTH = 0.005, 0.003
 
 Current changes within a millisecond, so a narrower sign would be stiffer than a sample can follow.
 """
-
-MIN_SAMPLES, MIN_PIECE = 200, 50
-"""Fewest samples, of all records that are fitted together and of each, for a diagnosis."""
 
 ROUGH_ROWS, FEW_ROWS = 10_000, 4000
 """Rows that a rough fit looks at, and rows that tell from where it begins best."""
@@ -190,41 +192,6 @@ def prepared_parts(
     return both[: len(train)], both[len(train) :]
 
 
-def refuse_short(train: Sequence[Record], validation: Sequence[Record]) -> None:
-    """Refuse records that are too short to tell anything.
-
-    Raises
-    ------
-    UserError
-        If there is no training record, all together have fewer than `MIN_SAMPLES` samples, or one
-        has fewer than `MIN_PIECE`.
-    """
-    if not train:
-        raise UserError('no training record; give at least one')
-    for record in (*train, *validation):
-        if len(record) < MIN_PIECE:
-            raise UserError(
-                f'{record.provenance.source or "a record"} has {len(record)} samples; a diagnosis '
-                f'needs at least {MIN_PIECE} in each record: leave it out'
-            )
-    count = sum(map(len, train))
-    if count < MIN_SAMPLES:
-        raise UserError(
-            f'{train[0].provenance.source or "the data"}: {count} samples to fit; a diagnosis '
-            f'needs at least {MIN_SAMPLES}, better 5000'
-        )
-
-
-def _refuse_gaps(record: Record, names: Set[str]) -> None:
-    for name in sorted(names):
-        count = int(np.sum(~np.isfinite(record[name])))
-        if count:
-            raise UserError(
-                f'`{name}` of {record.provenance.source or "a record"} has {count} values of '
-                f'{len(record)} that are not finite; drop or mend these samples'
-            )
-
-
 def base_fit(
     records: Sequence[Record],
     kind: Motor,
@@ -284,8 +251,9 @@ def make_bench(
     train, parts, said = parted(train, validation, kind, fraction)
     outputs = observed_outputs(kind, everything)
     outputs = seen_at_rest(outputs) if stands_still(everything) else outputs
+    refuse_load_at_rest(kind, everything)
     for record in everything:
-        _refuse_gaps(record, {*input_signals(record, kind), *outputs, 'position'} & set(record))
+        refuse_gaps(record, {*input_signals(record, kind), *outputs, 'position'} & set(record))
     known = model.parameters.values() if model else nominal or {}
     begun = _inside(kind, kind.start(train, known))
     values = model.parameters.values() if model else begun

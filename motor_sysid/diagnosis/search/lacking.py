@@ -107,7 +107,7 @@ def _starts(
 
 def _columns(variant: Variant, force: str, lack: Lack, record: Record) -> Array:
     """Return (N, a) what one of each amplitude adds to a force; none where that is not known."""
-    path: dict[str, Array] = {**lack.states, 't': record.dt * np.arange(float(len(record)))}
+    path: dict[str, Array] = {**lack.states, 't': record.clock}
     if 'omega' in path:
         path['turn'] = np.asarray(record.dt * path['omega'], dtype=np.float64)
     known = {*path, *variant.model.parameters.values()}

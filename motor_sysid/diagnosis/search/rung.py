@@ -223,12 +223,15 @@ def slopes(rung: Rung, bench: Bench) -> Sequence[Linearization]:
 
 
 def profile_cost(rung: Rung, bench: Bench, weighting: Weighting) -> tuple[float, int]:
-    """Return the whitened sum of squares at the nearest minimum, and how many errors it has."""
+    """Return the whitened sum of squares at the nearest minimum, and of how many errors.
+
+    Those that a noise model takes to begin with, and those that open starts fit, do not count.
+    """
     near = slopes(rung, bench)
     gradient, curvature, cost = normal_equations(near, weighting)
     fresh = float(np.mean(bench.problem(rung.model).fresh))
-    rows = round(fresh * sum(one.residual.size for one in near))
-    return cost - float(newton_step(gradient, curvature) @ gradient), rows
+    whole = sum(weighting.rows(len(one.residual)) - one.start.shape[2] for one in near)
+    return cost - float(newton_step(gradient, curvature) @ gradient), max(round(fresh * whole), 1)
 
 
 def with_better_sensor(

@@ -53,6 +53,21 @@ def refuse_model_at_rest(model: Model | None, records: Sequence[Record]) -> None
         )
 
 
+def refuse_load_at_rest(kind: Motor, records: Sequence[Record]) -> None:
+    """Refuse records of what stands still of which no current is measured: they tell nothing.
+
+    Raises
+    ------
+    UserError
+        If that is so.
+    """
+    if not kind.currents and stands_still(records):
+        raise UserError(
+            f'the {kind.title} stands still in these data, so they tell nothing of it: release '
+            'its brake, drive it harder, or choose records in which it moves'
+        )
+
+
 def held_parameters(kind: Motor) -> list[str]:
     """Return the parameters of a kind that only a rotor in motion tells."""
 

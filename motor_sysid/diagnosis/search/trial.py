@@ -241,7 +241,7 @@ def gain_of_likelihood(new: Rung, old: Rung, bench: Bench) -> float:
         own = coloured(errors, AR_ORDER)
         own = replace(own, sigma=own.sigma / np.sqrt(fresh))
         squares = sum(float(np.sum(own.flat(e[:, :, np.newaxis]) ** 2)) for e in errors)
-        count = sum(len(e) for e in errors)
+        count = sum(max(len(e) - own.order, 0) for e in errors)
         likelihood.append(squares + 2.0 * count * float(np.sum(fresh * np.log(own.sigma))))
     extra = len(new.model.parameters.free) - len(old.model.parameters.free)
     rows = count * float(np.sum(fresh))

@@ -14,7 +14,7 @@ from motor_sysid.estimation.batch import Chain, Linearization, Problem, white
 from motor_sysid.estimation.batch.chains import Stretch
 from motor_sysid.estimation.batch.starts import told_at_start
 from motor_sysid.physics.model import Model
-from motor_sysid.signals.metrics import sizes_of
+from motor_sysid.signals.metrics import moving, sizes_of
 from motor_sysid.signals.noise import noise_sigma
 from motor_sysid.signals.record import Record
 
@@ -129,14 +129,14 @@ def comparison_of(found: Sequence[Array], problem: Problem) -> Comparison:
     residuals, outputs = tuple(found), problem.outputs
     measured = tuple(stretch.judged for stretch in problem.stretches)
     channel = channel_errors(outputs, residuals, measured)
-    moving = _moving(problem)
-    channel[~moving] = np.nan
+    seen = _moving(problem)
+    channel[~seen] = np.nan
     predictions = tuple(
         {name: (m - r)[:, j] for j, name in enumerate(outputs)}
         for m, r in zip(measured, residuals, strict=True)
     )
     return Comparison(
-        float(np.sqrt(np.mean(channel[moving] ** 2))),
+        float(np.sqrt(np.mean(channel[seen] ** 2))),
         dict(zip(outputs, channel.tolist(), strict=True)),
         predictions,
         residuals,
@@ -155,10 +155,10 @@ def channel_errors(
 
 
 def _moving(problem: Problem) -> NDArray[np.bool_]:
-    """Return which (n_y,) outputs are ever anything but zero in the whole records; all if none."""
-    parts = [np.any(s.measured, axis=0) for chain in problem.chains for s in chain]
-    moving: NDArray[np.bool_] = np.any(parts, axis=0)
-    return moving if np.any(moving) else ~moving
+    """Return which (n_y,) outputs move in the whole records; all if none."""
+    parts = [s.measured for chain in problem.chains for s in chain]
+    found = moving(problem.outputs, parts)
+    return found if np.any(found) else ~found
 
 
 def where_it_fails(

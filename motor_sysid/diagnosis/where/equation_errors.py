@@ -47,7 +47,7 @@ def measured_states(model: Model, record: Record) -> dict[str, Array]:
         states['theta'] = drive.position
     inputs = [record[name] for name in input_signals(record, kind)]
     states.update(zip(kind.arguments, inputs, strict=True))
-    states['t'] = record.time - record.time[0]
+    states['t'] = record.clock
     states['turn'] = record.dt * states['omega']
     asked = {name for key in model.effects for name in model.effect(key).needs()}
     if any(f'd{force.own_state}' in asked for force in kind.forces):

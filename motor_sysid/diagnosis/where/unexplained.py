@@ -196,7 +196,7 @@ def _core_states(
         states['theta'] = position
     inputs = [record[name] for name in input_signals(record, model.kind)]
     states.update(zip(model.kind.arguments, inputs, strict=True))
-    states['t'] = record.time - record.time[0]
+    states['t'] = record.clock
     if 'omega' in states:
         states['turn'] = record.dt * states['omega']
     return model.kind.with_derived(states, model.parameters.values())

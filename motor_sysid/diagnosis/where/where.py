@@ -23,7 +23,7 @@ from motor_sysid.diagnosis.where.unexplained import (
     smoothed,
 )
 from motor_sysid.physics.model import linear_unit, Model
-from motor_sysid.signals.metrics import sizes_of
+from motor_sysid.signals.metrics import moving, sizes_of
 from motor_sysid.signals.record import Record
 
 Array = NDArray[np.float64]
@@ -106,9 +106,11 @@ def errors_by(
     `errors` are measured minus simulated, output to (N,) for each record.
     """
     outputs = list(errors[0])
-    sizes = sizes_of(outputs, [np.column_stack([r[n] for n in outputs]) for r in records])
+    measured = [np.column_stack([r[n] for n in outputs]) for r in records]
+    sizes = sizes_of(outputs, measured)
     size = dict(zip(outputs, np.maximum(sizes, 1e-300).tolist(), strict=True))
-    sized = [n for n in outputs if any(np.any(r[n]) for r in records)] or outputs
+    moves = moving(outputs, measured)
+    sized = [n for n, does in zip(outputs, moves, strict=True) if does] or outputs
     squared = np.concatenate([sum((e[n] / size[n]) ** 2 for n in sized) for e in errors])
     squared = np.asarray(squared, dtype=np.float64) / max(len(sized), 1)
     found = []

@@ -155,7 +155,11 @@ def coloured(errors: Sequence[Array], order: int, floor: Array | float = 1e-12) 
     Bursts in some of the blocks are what a model lacks, not noise: a block counts as far as its
     power is within `BURST` times the median.  (Huber 1964, doi:10.1214/aoms/1177703732.)  Nor are
     blocks noise in which a signal rests, such as the counts of an encoder, if they are many.
+    Stretches of no more samples than the order tell nothing; of such alone the errors are white.
     """
+    errors = [error for error in errors if len(error) > order] or list(errors)
+    if len(errors[0]) <= order:
+        return white(errors, floor)
     whiteners, sigmas = [], []
     least = np.broadcast_to(floor, errors[0].shape[1:])
     for j in range(errors[0].shape[1]):
