@@ -14,6 +14,8 @@ from typing import Any
 
 import numba
 
+from motor_sysid.user_folders import user_folder
+
 config: Any = numba.config
 njit: Any = numba.njit
 
@@ -42,11 +44,11 @@ def kept(**options: object) -> Callable[[Any], Any]:
 def cache_directory() -> Path:
     """Return the folder of what is compiled, made by who writes to it.
 
-    ``MOTOR_SYSID_CACHE`` overrides ``~/.cache/motor_sysid``.
+    ``MOTOR_SYSID_CACHE`` overrides ``~/.cache/motor_sysid``.  Code is loaded from there, so it is
+    never a place where others can write.
     """
     given = os.environ.get('MOTOR_SYSID_CACHE')
-    home = os.environ.get('XDG_CACHE_HOME') or Path(os.environ.get('HOME', '/tmp')) / '.cache'
-    return Path(given) if given else Path(home) / 'motor_sysid'
+    return Path(given) if given else user_folder('XDG_CACHE_HOME', '.cache')
 
 
 @cache

@@ -16,14 +16,16 @@ import pytest
 
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
+from motor_sysid.physics.parameters import Parameter
 from motor_sysid.signals.record import Provenance, Record
+from motor_sysid.signals.short_names import short_names
 from motor_sysid.workbench.axis import bucket_points, bucket_size, decimate, lay_out
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.regimes import FEWEST, REGIMES
 from motor_sysid.workbench.report import asset, report_html, SCRIPTS, STYLES, write_view_report
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view, load_view, save_view
-from motor_sysid.workbench.words import recordings, short_names
+from motor_sysid.workbench.words import recordings
 
 VARIANTS = (
     'several_records', 'many_records', 'linear_axis', 'three_phases', 'awkward', 'tiny',
@@ -329,6 +331,36 @@ def test_a_linear_axis_shows_position_in_metres_and_force() -> None:
     ]
     assert view['map'] is not None
     assert (view['map']['x_unit'], view['map']['y']) == ('m/s', 'force')
+
+
+def test_a_view_that_is_not_whole_or_has_no_numbers_is_refused(view: View, tmp_path: Path) -> None:
+    path = tmp_path / 'view.json'
+    text = save_view(view, path).read_text()
+    path.write_text(json.dumps({**json.loads(text), 'steps': []}))
+    with pytest.raises(UserError, match='is no whole view: it lacks steps'):
+        load_view(path)
+    path.write_text(text[:-1] + ', "more": NaN}')
+    with pytest.raises(UserError, match='NaN is no number of JSON'):
+        load_view(path)
+
+
+def test_a_model_that_ran_away_has_no_share_of_an_error(diagnosis: Diagnosis) -> None:
+    first = diagnosis.steps[0]
+    away = tuple({n: np.full_like(v, np.inf) for n, v in p.items()} for p in first.predictions)
+    gone = replace(diagnosis, steps=(replace(first, predictions=away), *diagnosis.steps[1:]))
+    shares = build_view(gone)['steps'][0]['regimes']
+    assert shares
+    assert all(one['error_share'] is None for one in shares)
+
+
+def test_a_value_is_never_on_a_bound_that_is_infinitely_far() -> None:
+    def on_bound(value: float, lower: float, upper: float) -> bool:
+        return Parameter('a', 'N m', value, lower, upper, '').on_bound
+
+    assert not on_bound(0.1, -np.inf, np.inf)
+    assert not on_bound(0.1, 0.0, np.inf)
+    assert on_bound(0.0, 0.0, np.inf)
+    assert on_bound(1.0, -np.inf, 1.0)
 
 
 def test_a_saved_view_comes_back(view: View, tmp_path: Path) -> None:

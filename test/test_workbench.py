@@ -78,6 +78,19 @@ def act(bench: Workbench, verb: str, step: int, effect: str) -> tuple[int, bytes
     return ask(bench, 'POST', f'/actions/{verb}', {'step': step, 'effect': effect})[:2]
 
 
+def test_a_tab_that_is_closed_and_an_address_that_is_none_are_no_faults(
+    bench: Workbench, capsys: pytest.CaptureFixture[str]
+) -> None:
+    try:
+        raise ConnectionResetError(104, 'Connection reset by peer')
+    except ConnectionResetError:
+        bench.handle_error(None, ('127.0.0.1', 1))
+    assert capsys.readouterr().err == ''
+    with socket.create_connection(('127.0.0.1', bench.server_port)) as own:
+        own.sendall(b'GET http://[ HTTP/1.1\r\nHost: 127.0.0.1\r\nConnection: close\r\n\r\n')
+        assert own.recv(100).startswith(b'HTTP/1.1 400')
+
+
 def test_it_begins_with_the_diagnosis(bench: Workbench) -> None:
     status, body, headers = ask(bench, 'GET', '/view.json')
     view = json.loads(body)

@@ -63,10 +63,12 @@ def main(argv: Sequence[str] | None = None) -> int:
         _say_no_more()
         return BROKEN_PIPE
     except OSError as problem:
-        if problem.errno != errno.ENOSPC:
-            raise
-        _say_no_more()
-        print(f'error: {problem.strerror}; make room and try again', file=sys.stderr)
+        full = problem.errno == errno.ENOSPC
+        if full:
+            _say_no_more()
+        where = f'{problem.filename}: ' if problem.filename else ''
+        remedy = '; make room and try again' if full else ''
+        print(f'error: {where}{problem.strerror or problem}{remedy}', file=sys.stderr)
         return BAD_INPUT
 
 

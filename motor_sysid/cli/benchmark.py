@@ -104,6 +104,8 @@ def _refuse(args: argparse.Namespace) -> None:
         )
     if not args.limit > 0:
         raise UserError(f'--limit is {args.limit:g} s; it must be above 0')
+    if args.case and args.page:
+        raise UserError('--page shows many cases; leave it out beside --case')
     if not 0 <= args.seed < 2**32:
         raise UserError(f'--seed is {args.seed}; it must be from 0 to {2**32 - 1}')
 
@@ -120,9 +122,11 @@ def _cases(args: argparse.Namespace) -> int:
     for name in plain:
         named_case(name)
     peers = _peers(args) if plain else ()
+    results = []
     for name in args.case:
-        result = one(Task(name, args.seed, peers))
-        print(json.dumps(result.as_dict(), indent=1), flush=True)
+        results.append(one(Task(name, args.seed, peers)))
+        print(json.dumps(results[-1].as_dict(), indent=1), flush=True)
+    write_json([result.as_dict() for result in results], args.json)
     return 0
 
 

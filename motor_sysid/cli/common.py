@@ -45,10 +45,12 @@ def whole(option: str, least: int, most: int | None = None) -> Callable[[str], i
     span = f'from {least} on' if most is None else f'from {least} to {most}'
 
     def read(text: str) -> int:
-        if text.strip().lstrip('+-').isdecimal():
+        try:
             value = int(text)
-            if least <= value and (most is None or value <= most):
-                return value
+        except ValueError:
+            value = least - 1
+        if least <= value and (most is None or value <= most):
+            return value
         raise UserError(f'{option} {text} is no whole number {span}')
 
     return read

@@ -59,9 +59,10 @@ def run(args: argparse.Namespace) -> int:
     for name, value in comparison.channel_percent.items():
         of = errors[name]
         share = f'{value:.4g} %' if math.isfinite(value) else 'at rest'
+        unit = next((r.units[name] for r in records if name in r), '')
         print(
-            f'  {name:<12}{share:>12}   RMS {of["rmse"]:.4g}, largest {of["largest"]:.4g}, '
-            f'fit {of["fit_percent"]:.2f} %'
+            f'  {name:<12}{share:>12}   RMS {of["rmse"]:.4g} {unit}, largest '
+            f'{of["largest"]:.4g} {unit}, fit {of["fit_percent"]:.2f} %'
         )
     for one in where:
         worst = max(range(len(one.error_share)), key=lambda k: one.error_share[k])

@@ -79,7 +79,7 @@ def _chosen(args: argparse.Namespace) -> DemoMotor:
     from motor_sysid.estimation.online.estimators import known_estimator
 
     motor = MOTORS[args.motor]
-    rate, hidden = args.rate or motor.rate, tuple(args.hide or motor.hidden)
+    rate, hidden = motor.rate if args.rate is None else args.rate, tuple(args.hide or motor.hidden)
     model = motor.model()
     for key in hidden:
         model = model.with_effect(key)

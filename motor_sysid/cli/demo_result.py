@@ -6,8 +6,7 @@ import time
 from typing import TextIO
 
 from motor_sysid.cli.common import progress
-from motor_sysid.cli.diagnose import summary
-from motor_sysid.cli.output import write_json
+from motor_sysid.cli.diagnose import summary, usual_settings, write_result
 from motor_sysid.cli.reading import load_data
 from motor_sysid.physics.model import Model
 
@@ -41,7 +40,6 @@ class Demo:
 def finish(demo: Demo) -> int:
     """Diagnose the bag as anyone would, without being told what is hidden; write the results."""
     from motor_sysid.diagnosis import diagnose
-    from motor_sysid.diagnosis.result.document import diagnosis_document
     from motor_sysid.physics.store import save_model
     from motor_sysid.workbench.report import write_report
 
@@ -53,15 +51,15 @@ def finish(demo: Demo) -> int:
         records,
         motor=demo.nominal.motor,
         nominal=demo.nominal.parameters.values(),
+        settings=usual_settings(),
         progress=progress(),
     )
     found = replace(found, seconds=time.perf_counter() - began)
     print('\n'.join(summary(found)))
-    document = diagnosis_document(found)
     save_model(found.model, demo.out / 'model.yaml')
     page = write_report(found, demo.out / 'report.html')
     print(f'\nbag:    {demo.bag}\nmodel:  {demo.out / "model.yaml"}\nreport: {page}')
-    write_json(document, demo.out / 'diagnosis.json')
-    write_json(document, demo.json)
+    write_result(found, demo.out / 'diagnosis.json')
+    write_result(found, demo.json)
     print(f'The whole demo took {time.monotonic() - demo.begin:.0f} s.')
     return 0

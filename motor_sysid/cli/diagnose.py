@@ -87,9 +87,6 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
     UserError
         If something cannot be read, or makes no sense.
     """
-    from motor_sysid.diagnosis import Settings
-    from motor_sysid.diagnosis.calibration.store import load_calibrations
-
     load_effect_files(args.effect_file, args.effects or ())
     start = load_start(args)
     asked: Asked = {
@@ -97,15 +94,23 @@ def question_of(args: argparse.Namespace) -> 'tuple[list[Record], list[Record], 
         'model': start.model,
         'nominal': start.nominal,
         'effects': args.effects,
-        'settings': Settings(
+        'settings': replace(
+            usual_settings(),
             max_effects=args.max_effects,
             validation_fraction=args.hold_back,
             alpha=args.alpha,
-            calibrations=tuple(load_calibrations(complain=_complain)),
             effort=args.effort,
         ),
     }
     return *load_parts(args, start.k_e), asked
+
+
+def usual_settings() -> 'Settings':
+    """Return what every verb diagnoses with: the usual settings, and the user's calibrations."""
+    from motor_sysid.diagnosis import Settings
+    from motor_sysid.diagnosis.calibration.store import load_calibrations
+
+    return Settings(calibrations=tuple(load_calibrations(complain=_complain)))
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

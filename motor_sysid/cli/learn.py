@@ -1,6 +1,7 @@
 """`motor-sysid learn`: give a model a law from data for what no known effect explains."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -40,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Diagnose, learn, say what came of it."""
+    from motor_sysid.cli.diagnose import usual_settings
     from motor_sysid.cli.fit import rung_lines
-    from motor_sysid.diagnosis import Settings
     from motor_sysid.diagnosis.learn import learn
 
     load_effect_files(args.effect_file)
@@ -54,7 +55,7 @@ def run(args: argparse.Namespace) -> int:
         model=start.model,
         nominal=start.nominal,
         hold=args.beyond == 'hold',
-        settings=Settings(validation_fraction=args.hold_back),
+        settings=replace(usual_settings(), validation_fraction=args.hold_back),
         progress=progress(),
     )
     if found.unknown is not None:

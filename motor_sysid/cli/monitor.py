@@ -12,6 +12,7 @@ from motor_sysid.cli.common import (
 )
 from motor_sysid.cli.output import write_json
 from motor_sysid.cli.reading import load_data, load_first_model
+from motor_sysid.signals.short_names import short_names
 
 if TYPE_CHECKING:
     from motor_sysid.diagnosis.condition import Condition
@@ -54,18 +55,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _lines(reference: 'Model', paths: list[Path], found: 'tuple[Condition, ...]') -> list[str]:
+    days = [*short_names(map(str, paths)).values()]
     names = [p.name for p in reference.parameters.free]
     widths = [max(18, len(name) + 2) for name in names]
     heads = ''.join(f'{name:>{width}}' for name, width in zip(names, widths, strict=True))
     lines = [f'{"change in %":<24}{heads}']
-    for path, day in zip(paths, found, strict=True):
+    for name_of_day, day in zip(days, found, strict=True):
         places = {p.name: k for k, p in enumerate(day.drift.parameters)}
         cells = [_cell(day, places[name]) if name in places else '-' for name in names]
         row = ''.join(f'{cell:>{width}}' for cell, width in zip(cells, widths, strict=True))
-        lines.append(f'{path.name[-22:]:<24}{row}')
+        lines.append(f'{name_of_day[-22:]:<24}{row}')
     lines.append('(! beyond chance; - not watched: an offset, or not determined)')
-    for path, day in zip(paths, found, strict=True):
-        lines.append(f'{path.name}: {day.words}')
+    for name_of_day, day in zip(days, found, strict=True):
+        lines.append(f'{name_of_day}: {day.words}')
         lines += [f'  to tell: {check}' for check in _checks(day)]
     if all(p.sigma is None for p in reference.parameters.free):
         lines.append(

@@ -10,6 +10,7 @@ import sys
 from typing import TextIO, TYPE_CHECKING
 
 from motor_sysid.errors import UserError
+from motor_sysid.whole_file import write_whole
 
 if TYPE_CHECKING:
     from motor_sysid.physics.model import Model
@@ -85,7 +86,7 @@ def write_text(text: str, path: Path, what: str) -> None:
         If the file cannot be written.
     """
     with writing(path):
-        path.write_text(text, encoding='utf-8')
+        write_whole(path, text)
     print(f'{what}: {path}')
 
 

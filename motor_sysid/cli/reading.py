@@ -135,11 +135,27 @@ def load_data(
     findings = examine(records, k_e) if records else ()
     errors = [f for f in findings if f.severity == 'error']
     if errors:
-        problems = '\n'.join(f'  {error.message}\n    {error.remedy}' for error in errors)
-        names = ', '.join(map(str, paths))
-        raise UserError(f'{names} cannot be used (`motor-sysid check` tells more):\n{problems}')
+        raise UserError(_refusal(records, errors, k_e))
     _warn(paths, [f for f in findings if f.severity == 'warning'])
     return records
+
+
+def _refusal(
+    records: 'Sequence[Record]', errors: 'Sequence[Finding]', k_e: float | None
+) -> str:
+    """Say which recordings cannot be used, and why; all of them where none is at fault alone."""
+    from motor_sysid.signals.doctor import examine
+
+    own = {record.provenance.source: examine([record], k_e) for record in records}
+    alone = {name: [f for f in all_of if f.severity == 'error'] for name, all_of in own.items()}
+    faulty = {name: found for name, found in alone.items() if found}
+    if len(own) == 1 or not faulty:
+        faulty = {', '.join(own): list(errors)}
+    lines = []
+    for name, found in faulty.items():
+        lines.append(f'{name} cannot be used (`motor-sysid check` tells more):')
+        lines += [f'  {error.message}\n    {error.remedy}' for error in found]
+    return '\n'.join(lines)
 
 
 def _warn(paths: Sequence[Path], warnings: 'Sequence[Finding]') -> None:

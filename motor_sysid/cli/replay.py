@@ -138,15 +138,20 @@ def _as_json(result: 'Replay') -> dict[str, object]:
 
 
 def _write_csv(result: 'Replay', path: Path | None) -> None:
-    """Write stamp, value and sigma of every estimate; floats read back bit for bit."""
+    """Write stamp, value and sigma of every estimate; floats read back bit for bit.
+
+    Where effects came or went, a parameter that an estimate does not have leaves its cells empty.
+    """
     if path is None:
         return
-    names = {name: found[2] for name, found in _last(result).items()}
+    estimates = [event.estimate or {} for event in result.estimates]
+    names = {name: found[2] for one in estimates for name, found in one.items()}
     head = [f'{name} [{unit}],{name}_sigma [{unit}]' for name, unit in names.items()]
     lines = [','.join(['time [s]', *head])]
     for event in result.estimates:
         row = [f'{event.stamp // 10**9}.{event.stamp % 10**9:09d}']
-        for value, sigma, _, _ in (event.estimate or {}).values():
-            row += [repr(float(value)), repr(float(sigma))]
+        for name in names:
+            found = (event.estimate or {}).get(name)
+            row += [repr(float(found[0])), repr(float(found[1]))] if found else ['', '']
         lines.append(','.join(row))
     write_text('\n'.join(lines) + '\n', path, 'estimates')

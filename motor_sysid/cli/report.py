@@ -1,7 +1,9 @@
 """`motor-sysid report`: write the page of a diagnosis as one HTML file."""
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
+import time
 from typing import TYPE_CHECKING
 
 from motor_sysid.cli.common import (
@@ -65,6 +67,7 @@ def _write_page(view: 'View', path: Path) -> None:
 
 def _view_of_model(args: argparse.Namespace) -> 'View':
     """Find what a model lacks on the data, and return the page's view of it."""
+    from motor_sysid.cli.diagnose import usual_settings
     from motor_sysid.diagnosis import diagnose
     from motor_sysid.physics.store import load_model
     from motor_sysid.workbench.view import build_view
@@ -77,4 +80,6 @@ def _view_of_model(args: argparse.Namespace) -> 'View':
         )
     start = load_model(model)
     train, held = load_both(data, args.validate, args.msg_config)
-    return build_view(diagnose(train, held, model=start, progress=progress()))
+    began = time.perf_counter()
+    found = diagnose(train, held, model=start, settings=usual_settings(), progress=progress())
+    return build_view(replace(found, seconds=time.perf_counter() - began))

@@ -46,9 +46,11 @@ class Parameter:
 
     @property
     def on_bound(self) -> bool:
-        """Whether the value sits on its box, within a millionth of the bound."""
-        inside = self.lower + 1e-6 * abs(self.lower) < self.value
-        return not (inside and self.value < self.upper - 1e-6 * abs(self.upper))
+        """Whether the value sits on its box, within a millionth of the bound; none is infinite."""
+        low, high = self.lower, self.upper
+        above = low == -math.inf or self.value > low + 1e-6 * abs(low)
+        below = high == math.inf or self.value < high - 1e-6 * abs(high)
+        return not (above and below)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
 from motor_sysid.physics.model import Model, SpeedSensor
 from motor_sysid.physics.parameters import Parameter, ParameterSet
+from motor_sysid.whole_file import write_whole
 from motor_sysid.yaml_text import load_yaml, read_utf8
 
 SCHEMA = 'motor_sysid/model/1'
@@ -38,10 +39,8 @@ def save_model(model: Model, path: str | Path) -> None:
     target = Path(path)
     if target.is_dir():
         raise UserError(f'cannot write model file {target}: it is a folder; name a file in it')
-    fresh = target.with_name(f'.{target.name}.part')
     try:
-        fresh.write_text(dump_model(model), encoding='utf-8')
-        fresh.replace(target)
+        write_whole(target, dump_model(model))
     except OSError as problem:
         raise UserError(f'cannot write model file {target}: {problem.strerror}') from problem
 

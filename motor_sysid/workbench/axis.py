@@ -70,7 +70,7 @@ def lay_out(records: Sequence[Record], roles: Sequence[str], points: int) -> tup
 
 def bucket_size(samples: int, points: float) -> int:
     """Return how many samples share a bucket so that about `points` points remain."""
-    if samples <= points:
+    if samples <= max(points, 1.0):
         return 1
     size = max(2, int(np.ceil(2 * samples / max(points, 2))))
     while samples % size == 1:  # the last bucket needs two samples for its two points

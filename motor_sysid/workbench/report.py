@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 
 from motor_sysid.diagnosis.result.result import Diagnosis
+from motor_sysid.whole_file import write_whole
 from motor_sysid.workbench.schema import View
 from motor_sysid.workbench.view import build_view
 
@@ -31,7 +32,7 @@ def write_view_report(view: View, path: str | Path) -> Path:
     """Write the report of a view that was built or loaded before and return its path."""
     target = Path(path)
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(report_html(view), encoding='utf-8')
+    write_whole(target, report_html(view))
     return target
 
 

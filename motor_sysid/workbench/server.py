@@ -9,6 +9,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import json
 import secrets
+import sys
 from threading import Lock
 from urllib.parse import parse_qs, urlsplit
 
@@ -89,6 +90,11 @@ class Workbench(ThreadingHTTPServer):
             self.doing = ''
             self.at_work.release()
 
+    def handle_error(self, request: object, client_address: object) -> None:
+        """Say nothing of a tab that was closed or reloaded before it had its answer."""
+        if not isinstance(sys.exc_info()[1], ConnectionError):
+            super().handle_error(request, client_address)  # type: ignore[arg-type]
+
     def _tell(self, text: str) -> None:
         self.doing = text
 
@@ -103,7 +109,11 @@ class _Answer(BaseHTTPRequestHandler):
         """Answer with the page, what it shows, or a file to keep."""
         if not self._is_ours():
             return
-        url = urlsplit(self.path)
+        try:
+            url = urlsplit(self.path)
+        except ValueError as problem:
+            self._refuse(HTTPStatus.BAD_REQUEST, f'no such address: {problem}')
+            return
         if url.path == '/':
             self._send(page_html().encode(), 'text/html')
         elif url.path == '/view.json':

@@ -112,11 +112,11 @@ def _regime_shares(index: int, bench: Bench) -> list[RegimeShare]:
     rms, count = rms_by(bins, bench.held_sizes(index), len(REGIMES))
     squares = np.nan_to_num(rms) ** 2 * count
     times = np.bincount(bins, minlength=len(REGIMES)) / len(bins)
-    total = max(squares.sum(), 1e-300)
+    total = squares.sum() if np.isfinite(rms).any() else np.nan
     return [
         {
             'name': name,
-            'error_share': number(squares[k] / total),
+            'error_share': number(squares[k] / total if total != 0.0 else 0.0),
             'time_share': number(times[k]),
             'error_percent': number(100 * rms[k]),
         }
@@ -223,18 +223,9 @@ def _parameter(
         'known': sigma is None or math.isfinite(sigma),
         'unit': parameter.unit,
         'free': parameter.free,
-        'on_bound': parameter.free and _on_bound(parameter),
+        'on_bound': parameter.free and parameter.on_bound,
         'base': number(before[parameter.name]) if changed and parameter.name in before else None,
     }
-
-
-def _on_bound(parameter: Parameter) -> bool:
-    """Tell whether a value sits on its box, however wide the box is."""
-    value = parameter.value
-    return any(
-        abs(value - bound) <= 1e-6 * max(abs(value), abs(bound))
-        for bound in (parameter.lower, parameter.upper)
-    )
 
 
 def _numbers(values: Iterable[float]) -> list[float | None]:

@@ -11,6 +11,7 @@ from motor_sysid.diagnosis.result.findings import Difference, Unknown
 from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.errors import UserError
 from motor_sysid.physics.effects import effect
+from motor_sysid.signals.short_names import short_names
 from motor_sysid.workbench.axis import axis_times, decimate, join, pack, Stretch
 from motor_sysid.workbench.bench import Bench
 from motor_sysid.workbench.channels import Channel, Panel, panels_of
@@ -35,7 +36,6 @@ from motor_sysid.workbench.words import (
     named,
     number,
     recordings,
-    short_names,
     sources_of,
     verdict_title,
     with_titles,
@@ -112,8 +112,8 @@ def load_view(path: str | Path) -> View:
         If the file is neither, or of another version.
     """
     try:
-        view = json.loads(Path(path).read_text(encoding='utf-8'))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
+        view = json.loads(Path(path).read_text(encoding='utf-8'), parse_constant=_no_number)
+    except (OSError, ValueError) as error:
         raise UserError(f'cannot read the view {path}: {error}') from None
     if isinstance(view, dict) and isinstance(view.get('view'), dict):
         view = view['view']
@@ -124,7 +124,14 @@ def load_view(path: str | Path) -> View:
             '`motor-sysid diagnose DATA --json FILE` and `motor-sysid report MODEL DATA --json '
             'FILE` save one'
         )
+    missing = [name for name in ('verdict', 'records', 'time', 'steps') if not view.get(name)]
+    if missing:
+        raise UserError(f'{path} is no whole view: it lacks {", ".join(missing)}; save it again')
     return cast(View, view)
+
+
+def _no_number(text: str) -> float:
+    raise ValueError(f'{text} is no number of JSON')
 
 
 def _first(diagnosis: Diagnosis) -> int:

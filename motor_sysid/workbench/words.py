@@ -1,9 +1,7 @@
 """Titles, numbers and short phrases of the view."""
 
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 import math
-from pathlib import PurePath
 import re
 
 from motor_sysid.diagnosis.result.names import listed
@@ -11,6 +9,7 @@ from motor_sysid.diagnosis.result.result import Diagnosis, Verdict
 from motor_sysid.physics.effects import catalogue
 from motor_sysid.physics.motors import motor
 from motor_sysid.signals.record import Record
+from motor_sysid.signals.short_names import short_names
 from motor_sysid.workbench.schema import Named
 
 VERDICTS: Mapping[Verdict, str] = {
@@ -71,20 +70,6 @@ def verdict_title(diagnosis: Diagnosis, titles: Mapping[str, str]) -> str:
 def with_titles(text: str, titles: Mapping[str, str]) -> str:
     """Replace the keys of effects in a text by their titles."""
     return re.sub(r'\b[a-z]+(_[a-z]+)+\b', lambda found: titles.get(found[0], found[0]), text)
-
-
-def short_names(sources: Iterable[str]) -> dict[str, str]:
-    """Return of each source the shortest end of its path that no other has."""
-    paths = {source: PurePath(source).parts for source in sources}
-    ends = {
-        source: [PurePath(*parts[-n:]).as_posix() for n in range(1, len(parts) + 1)]
-        for source, parts in paths.items()
-    }
-    shared = Counter(end for own in ends.values() for end in own)
-    return {
-        source: next((end for end in own if shared[end] == 1), own[-1] if own else 'record')
-        for source, own in ends.items()
-    }
 
 
 def sources_of(records: Sequence[Record]) -> list[str]:

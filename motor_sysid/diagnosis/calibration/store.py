@@ -12,6 +12,8 @@ from motor_sysid import __version__
 from motor_sysid.diagnosis.calibration.calibration import Calibration
 from motor_sysid.diagnosis.calibration.situation import Situation
 from motor_sysid.errors import UserError
+from motor_sysid.user_folders import user_folder
+from motor_sysid.whole_file import write_whole
 
 SCHEMA = 'motor_sysid/calibration/1'
 
@@ -22,8 +24,7 @@ def calibration_folder() -> Path:
     ``MOTOR_SYSID_CALIBRATION`` overrides ``~/.config/motor_sysid/calibration``.
     """
     given = os.environ.get('MOTOR_SYSID_CALIBRATION')
-    home = os.environ.get('XDG_CONFIG_HOME') or Path.home() / '.config'
-    return Path(given) if given else Path(home) / 'motor_sysid' / 'calibration'
+    return Path(given) if given else user_folder('XDG_CONFIG_HOME', '.config') / 'calibration'
 
 
 def save_calibration(calibration: Calibration, path: Path | None = None) -> Path:
@@ -42,11 +43,9 @@ def save_calibration(calibration: Calibration, path: Path | None = None) -> Path
     target = path or calibration_folder() / file_name(calibration)
     if target.is_dir():
         raise UserError(f'cannot write calibration {target}: it is a folder; name a file in it')
-    fresh = target.with_name(f'.{target.name}.{os.getpid()}.part')
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
-        fresh.write_text(dump_calibration(calibration), encoding='utf-8')
-        fresh.replace(target)
+        write_whole(target, dump_calibration(calibration))
     except OSError as problem:
         raise UserError(f'cannot write calibration {target}: {problem.strerror}') from problem
     return target

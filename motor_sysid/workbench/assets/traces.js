@@ -201,6 +201,10 @@ function makeTraces(view, kept = {}) {
 
   function wheel(u, event) {
     event.preventDefault();
+    if (!event.deltaY) {
+      pan(0.1 * Math.sign(event.deltaX));
+      return;
+    }
     const t = u.posToVal(event.clientX - u.over.getBoundingClientRect().left, 'x');
     zoomAt(t, event.deltaY < 0 ? 0.75 : 1 / 0.75);
   }

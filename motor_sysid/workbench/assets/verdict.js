@@ -63,7 +63,8 @@ function drawNow(view, step) {
   parts.push(...worstRegime(s));
   const best = bestOf(s);
   if (best) {
-    const change = Math.round(100 * (best.validation_error_percent / s.validation_error_percent - 1));
+    const after = best.validation_error_percent ?? NaN;
+    const change = Math.round(100 * (after / s.validation_error_percent - 1));
     parts.push(explains(view, step) ? 'Best explanation: ' : 'Nearest, but not enough to be named: ', el('b', {}, cap(best.title)),
       Number.isFinite(change) ? `, error ${change > 0 ? '+' : MINUS}${Math.abs(change)} %.` : '.');
   } else if (s.candidates.length) {
