@@ -33,7 +33,7 @@ ANYWHERE = 'position'
 
 
 def sizes_of(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
-    """Return (n_y,) RMS of measured signals, of a position about its mean.
+    """Return (n_y,) RMS of measured signals, of a position since its first one.
 
     Field-oriented control holds the d current at zero: against its own RMS, noise is all of it, so
     that of d and q currents is the one of their vector.
@@ -45,9 +45,7 @@ def sizes_of(outputs: Sequence[str], measured: Sequence[Array]) -> Array:
     measured:
         For each stretch of data its (N, n_y) values.
     """
-    moved = _moved(outputs, measured)
-    middle = np.mean(moved, axis=0) * np.isin(outputs, ANYWHERE)
-    power: Array = np.mean((moved - middle) ** 2, axis=0)
+    power: Array = np.mean(_moved(outputs, measured) ** 2, axis=0)
     vector = np.isin(outputs, AXES)
     power[vector] = np.sum(power[vector])
     return np.sqrt(power)
